@@ -1,0 +1,1 @@
+//! Decides for one link: keep it, split its receiver, split its source.

@@ -1,0 +1,1 @@
+//! Visibility of one patch from another: the unblocked share of rays between their sub-elements.

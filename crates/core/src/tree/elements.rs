@@ -1,0 +1,279 @@
+//! Quadtrees of elements: a root is a polygon (or a BSP fragment of one), a child a quarter of its parent.
+
+use super::Path;
+use crate::kernels::Patch;
+use crate::scene::{Corners, Plane};
+use glam::DVec3;
+use thiserror::Error;
+
+/// Index of an element in [`Elements`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct ElementId(pub u32);
+
+impl ElementId {
+    /// Where there is no element: parent of a root, child of a leaf.
+    pub const NONE: ElementId = ElementId(u32::MAX);
+
+    /// As an index into arrays that run beside the elements.
+    #[must_use]
+    pub fn index(self) -> usize {
+        self.0 as usize
+    }
+
+    /// `NONE` as `None`.
+    #[must_use]
+    pub fn some(self) -> Option<ElementId> {
+        (self != ElementId::NONE).then_some(self)
+    }
+}
+
+/// A node of a polygon's quadtree.
+#[derive(Clone, Debug)]
+pub struct Element {
+    /// Corners, counter-clockwise seen from the front, metres.
+    pub corners: Corners,
+    /// Area, m².
+    pub area: f64,
+    /// The polygon that it is a part of.
+    pub polygon: u32,
+    /// Parent, or [`ElementId::NONE`] for a root.
+    pub parent: ElementId,
+    /// First of four consecutive children, or [`ElementId::NONE`] for a leaf.
+    pub first_child: ElementId,
+    /// Name by place, not by time.
+    pub path: Path,
+}
+
+/// All quadtrees. Roots come first, in order; children are appended four at a time.
+#[derive(Clone, Debug)]
+pub struct Elements {
+    nodes: Vec<Element>,
+    planes: Vec<Plane>,
+    roots: u32,
+}
+
+impl Elements {
+    /// Quadtrees of one element each. `roots`: corners and polygon of each; `planes`: one per polygon.
+    #[must_use]
+    pub fn new(roots: impl IntoIterator<Item = (Corners, u32)>, planes: Vec<Plane>) -> Elements {
+        let nodes: Vec<Element> = roots
+            .into_iter()
+            .enumerate()
+            .map(|(index, (corners, polygon))| Element {
+                corners,
+                area: corners.area(),
+                polygon,
+                parent: ElementId::NONE,
+                first_child: ElementId::NONE,
+                path: Path::root(index as u32),
+            })
+            .collect();
+        let roots = nodes.len() as u32;
+        Elements { nodes, planes, roots }
+    }
+
+    /// Number of elements.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.nodes.len()
+    }
+
+    /// True when there is no root.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.nodes.is_empty()
+    }
+
+    /// Number of roots: the elements `0..roots()`.
+    #[must_use]
+    pub fn roots(&self) -> usize {
+        self.roots as usize
+    }
+
+    /// One element.
+    #[must_use]
+    pub fn get(&self, id: ElementId) -> &Element {
+        &self.nodes[id.index()]
+    }
+
+    /// All elements, indexed by id.
+    #[must_use]
+    pub fn as_slice(&self) -> &[Element] {
+        &self.nodes
+    }
+
+    /// What kernels see of an element.
+    #[must_use]
+    pub fn patch(&self, id: ElementId) -> Patch<'_> {
+        let node = self.get(id);
+        Patch { corners: &node.corners, plane: &self.planes[node.polygon as usize], area: node.area }
+    }
+
+    /// True when the element has no children.
+    #[must_use]
+    pub fn is_leaf(&self, id: ElementId) -> bool {
+        self.get(id).first_child == ElementId::NONE
+    }
+
+    /// The four children of an element that is not a leaf; none of a leaf.
+    pub fn children(&self, id: ElementId) -> impl Iterator<Item = ElementId> + use<> {
+        let first = self.get(id).first_child;
+        let count = if first == ElementId::NONE { 0 } else { 4 };
+        (0..count).map(move |k| ElementId(first.0 + k))
+    }
+
+    /// All leaves, in the order of their ids.
+    pub fn leaves(&self) -> impl Iterator<Item = ElementId> + '_ {
+        (0..self.nodes.len() as u32).map(ElementId).filter(|&id| self.is_leaf(id))
+    }
+
+    /// Can the element be split without leaving what a path can name?
+    #[must_use]
+    pub fn can_split(&self, id: ElementId) -> bool {
+        self.get(id).path.depth() < Path::MAX_DEPTH
+    }
+
+    /// Quarters a leaf and returns its first child; an element that has children already keeps them.
+    pub fn split(&mut self, id: ElementId) -> ElementId {
+        let node = self.get(id);
+        if node.first_child != ElementId::NONE {
+            return node.first_child;
+        }
+        let (corners, polygon, path) = (node.corners, node.polygon, node.path);
+        let first = ElementId(self.nodes.len() as u32);
+        for (quadrant, corners) in quarter(&corners).into_iter().enumerate() {
+            self.nodes.push(Element {
+                area: corners.area(),
+                corners,
+                polygon,
+                parent: id,
+                first_child: ElementId::NONE,
+                path: path.child(quadrant as u32),
+            });
+        }
+        self.nodes[id.index()].first_child = first;
+        first
+    }
+
+    /// The leaf below `root` that holds a point of its plane (the nearest one, where rounding puts it outside).
+    #[must_use]
+    pub fn locate(&self, root: ElementId, point: DVec3) -> ElementId {
+        let mut id = root;
+        while let Some(first) = self.get(id).first_child.some() {
+            let normal = self.planes[self.get(id).polygon as usize].normal;
+            id = ElementId(first.0 + quadrant_of(&self.get(id).corners, normal, point));
+        }
+        id
+    }
+
+    /// Lists the invariants and checks them: links of parents and children agree, paths name places, the areas of
+    /// children add up to the parent's, corners lie in the polygon's plane, roots come first.
+    ///
+    /// # Errors
+    /// The first violation.
+    pub fn check(&self) -> Result<(), TreeViolation> {
+        for (index, node) in self.nodes.iter().enumerate() {
+            let id = ElementId(index as u32);
+            let fail = |what| Err(TreeViolation { element: id, what });
+            if (index < self.roots()) != (node.parent == ElementId::NONE) {
+                return fail("roots come first and only roots have no parent");
+            }
+            if !(node.area.is_finite() && node.area > 0.0) {
+                return fail("areas are positive");
+            }
+            let plane = &self.planes[node.polygon as usize];
+            let size = node.corners.iter().map(|corner| corner.abs().max_element()).fold(0.0, f64::max);
+            // 1e-6 of the coordinates: what joining and snapping may leave, see `scene::RELATIVE_TOLERANCE`.
+            if node.corners.iter().any(|&corner| plane.distance(corner).abs() > 1e-6 * size) {
+                return fail("corners lie in the polygon's plane");
+            }
+            let mut sum = 0.0;
+            for (quadrant, child) in self.children(id).enumerate() {
+                let child =
+                    self.nodes.get(child.index()).ok_or(TreeViolation { element: id, what: "children exist" })?;
+                if child.parent != id || child.polygon != node.polygon || child.path != node.path.child(quadrant as u32)
+                {
+                    return fail("children know parent, polygon and path");
+                }
+                sum += child.area;
+            }
+            // Quarters of coordinates of size s and areas a lose up to about s²·2^-50 by rounding.
+            if node.first_child != ElementId::NONE && (sum - node.area).abs() > 1e-9 * node.area + 1e-14 * size * size {
+                return fail("areas of children add up");
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A broken invariant of the quadtrees.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[error("element {}: violated: {what}", element.0)]
+pub struct TreeViolation {
+    /// Where.
+    pub element: ElementId,
+    /// Which invariant.
+    pub what: &'static str,
+}
+
+/// The quarters of a patch: quadrant k < n touches corner k; the fourth of a triangle is its middle. Edge midpoints
+/// are exact means of their ends, so that neighbours agree on them bit for bit.
+#[must_use]
+pub(crate) fn quarter(corners: &Corners) -> [Corners; 4] {
+    let middle = |a: DVec3, b: DVec3| (a + b) * 0.5;
+    match **corners {
+        [a, b, c] => {
+            let (ab, bc, ca) = (middle(a, b), middle(b, c), middle(c, a));
+            [
+                Corners::triangle(a, ab, ca),
+                Corners::triangle(ab, b, bc),
+                Corners::triangle(ca, bc, c),
+                Corners::triangle(bc, ca, ab),
+            ]
+        }
+        [a, b, c, d] => {
+            let (ab, bc, cd, da) = (middle(a, b), middle(b, c), middle(c, d), middle(d, a));
+            let centre = middle(middle(a, c), middle(b, d));
+            [
+                Corners::quad(a, ab, centre, da),
+                Corners::quad(ab, b, bc, centre),
+                Corners::quad(centre, bc, c, cd),
+                Corners::quad(da, centre, cd, d),
+            ]
+        }
+        _ => unreachable!("corners are three or four"),
+    }
+}
+
+/// Which quarter of `corners` holds `point`.
+pub(crate) fn quadrant_of(corners: &Corners, normal: DVec3, point: DVec3) -> u32 {
+    // Positive on the left of the line from `from` to `to`, seen from the front.
+    let left = |from: DVec3, to: DVec3| normal.dot((to - from).cross(point - from)) > 0.0;
+    let middle = |a: DVec3, b: DVec3| (a + b) * 0.5;
+    match **corners {
+        [a, b, c] => {
+            let (ab, bc, ca) = (middle(a, b), middle(b, c), middle(c, a));
+            // Each corner lies on the left of the cut that runs clockwise around the middle triangle.
+            if left(ab, ca) {
+                0
+            } else if left(bc, ab) {
+                1
+            } else if left(ca, bc) {
+                2
+            } else {
+                3
+            }
+        }
+        [a, b, c, d] => {
+            let (ab, bc, cd, da) = (middle(a, b), middle(b, c), middle(c, d), middle(d, a));
+            // Line ab -> cd: a and d on its left. Line da -> bc: d and c on its left.
+            match (left(ab, cd), left(da, bc)) {
+                (true, false) => 0,
+                (false, false) => 1,
+                (false, true) => 2,
+                (true, true) => 3,
+            }
+        }
+        _ => unreachable!("corners are three or four"),
+    }
+}

@@ -1,0 +1,8 @@
+//! The tree: polygons in a BSP tree for rays ([`Bsp`]), and under each root a quadtree of [`Elements`] that grows by
+//! need.
+
+mod elements;
+mod path;
+
+pub use elements::{Element, ElementId, Elements, TreeViolation};
+pub use path::Path;

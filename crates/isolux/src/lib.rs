@@ -1,0 +1,1 @@
+//! The facade: settings in, a solved, checked, reopenable solution out.
