@@ -6,3 +6,18 @@ mod path;
 
 pub use elements::{Element, ElementId, Elements, TreeViolation};
 pub use path::Path;
+
+use serde::{Deserialize, Serialize};
+
+/// In which order polygons are inserted in the BSP tree.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum InsertionOrder {
+    /// As in the file.
+    #[default]
+    AsGiven,
+    /// By area, largest first.
+    LargestFirst,
+    /// Shuffled with a seed.
+    Random(u64),
+}

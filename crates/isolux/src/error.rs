@@ -1,0 +1,98 @@
+//! What can fail, by operation; every variant carries the offending name and value.
+
+use isolux_core::scene::SceneError;
+use thiserror::Error;
+
+/// A setting that makes no sense.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[error("setting '{name}' is {value}: expected {expected}")]
+pub struct SettingsError {
+    /// Name of the setting.
+    pub name: &'static str,
+    /// What was given.
+    pub value: String,
+    /// What would be right.
+    pub expected: &'static str,
+}
+
+/// Why no solution came out.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum SolveError {
+    /// A setting makes no sense.
+    #[error(transparent)]
+    Settings(#[from] SettingsError),
+    /// The scene cannot be solved.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// No surface emits: the answer would be black everywhere.
+    #[error("scene '{scene}' has no light: no surface emits")]
+    NoLight {
+        /// Name of the scene.
+        scene: String,
+    },
+    /// An invariant is broken: a defect of the program.
+    #[error("internal: {0}")]
+    Internal(String),
+}
+
+/// Why a solution could not be read back.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum RecordError {
+    /// An array or attribute is missing.
+    #[error("'{name}' is missing")]
+    Missing {
+        /// Its name.
+        name: String,
+    },
+    /// An array has the wrong type or shape.
+    #[error("'{name}' has {found}, expected {expected}")]
+    Shape {
+        /// Its name.
+        name: String,
+        /// What is there.
+        found: String,
+        /// What should be.
+        expected: String,
+    },
+    /// The contents contradict each other.
+    #[error("'{name}': {what}")]
+    Inconsistent {
+        /// Name of the part.
+        name: String,
+        /// What is wrong.
+        what: String,
+    },
+    /// Written by a version that this one cannot read.
+    #[error("file format {found} is not supported (this version reads {supported})")]
+    Format {
+        /// Format number in the file.
+        found: u64,
+        /// Format number that this version reads.
+        supported: u64,
+    },
+}
+
+/// Why no picture came out.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum RenderError {
+    /// The scene has no camera of that name.
+    #[error("there is no camera '{name}'; the scene has: {available}")]
+    NoSuchCamera {
+        /// The name asked for.
+        name: String,
+        /// Names that exist.
+        available: String,
+    },
+    /// The view makes no sense (eye and target coincide, size of zero).
+    #[error("view: {what}")]
+    View {
+        /// What is wrong.
+        what: String,
+    },
+    /// The observer stopped it.
+    #[error("cancelled")]
+    Cancelled,
+}

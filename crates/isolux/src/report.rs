@@ -1,0 +1,146 @@
+//! What a solve tells of itself: counts, residuals, energy, time.
+
+use crate::Settings;
+use isolux_core::kernels::Counts;
+use isolux_core::scene::Issue;
+use isolux_core::units::Rgb;
+use serde::Serialize;
+
+/// How a solve ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Status {
+    /// The total radiosity settled.
+    Converged,
+    /// `max_iterations` was reached first.
+    IterationLimit,
+    /// The observer stopped it; the solution is consistent but unfinished.
+    Cancelled,
+}
+
+/// Links of the solution by visibility.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct LinkReport {
+    /// All links.
+    pub total: u64,
+    /// Every ray passed.
+    pub full: u64,
+    /// Some did.
+    pub partial: u64,
+    /// None did.
+    pub none: u64,
+}
+
+/// One iteration.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct IterationReport {
+    /// Total radiosity (sum of area times radiosity), per band.
+    pub total: Rgb,
+    /// Relative change of the total against the iteration before.
+    pub residual: f64,
+    /// Elements at its end.
+    pub elements: u64,
+    /// Links at its end.
+    pub links: u64,
+    /// Visibilities evaluated in it.
+    pub visibilities: u64,
+    /// Seconds.
+    pub seconds: f64,
+}
+
+/// Where the emitted power went, per band, W or lm. `escaped` and `lost_to_backs` are measured by rays that know
+/// nothing of the links.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Energy {
+    /// Emitted by all surfaces.
+    pub emitted: Rgb,
+    /// Turned to heat by the fronts of all surfaces, from the solution's irradiances.
+    pub absorbed: Rgb,
+    /// Left the scene through openings, by rays.
+    pub escaped: Rgb,
+    /// Ended on black backs, by rays.
+    pub lost_to_backs: Rgb,
+    /// `(absorbed + escaped + lost - emitted) / emitted`, summed over bands.
+    pub imbalance: f64,
+    /// Standard error of the rays' part of the imbalance.
+    pub standard_error: f64,
+    /// Rays shot.
+    pub rays: u64,
+}
+
+/// Sums of form factor times visibility over the links of a leaf and its ancestors: 1 in a closed scene.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RowSum {
+    /// The largest.
+    pub largest: f64,
+    /// The object that holds it.
+    pub largest_object: String,
+    /// The smallest.
+    pub smallest: f64,
+    /// The object that holds it.
+    pub smallest_object: String,
+    /// Area-weighted mean over leaves.
+    pub mean: f64,
+}
+
+/// Time of one phase.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PhaseReport {
+    /// Name.
+    pub name: String,
+    /// Seconds.
+    pub seconds: f64,
+}
+
+/// Everything a solve tells of itself.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Report {
+    /// Version of the program.
+    pub version: String,
+    /// Name of the scene.
+    pub scene: String,
+    /// Hash of the scene, hexadecimal.
+    pub scene_hash: String,
+    /// Settings as asked.
+    pub settings: Settings,
+    /// How it ended.
+    pub status: Status,
+    /// Absolute `BF_eps`, W/m² or lm/m².
+    pub bf_epsilon: f64,
+    /// Absolute `A_eps`, m².
+    pub area_epsilon: f64,
+    /// Relative `epsilon` on total radiosity.
+    pub energy_epsilon: f64,
+    /// Mean irradiance over the surfaces, W/m² or lm/m².
+    pub mean_irradiance: Rgb,
+    /// One-sided polygons (fronts, and backs of two-sided surfaces).
+    pub polygons: u64,
+    /// Backs that light reached, of how many there are.
+    pub lit_backs: [u64; 2],
+    /// Fragments in the BSP tree.
+    pub fragments: u64,
+    /// Roots of quadtrees.
+    pub roots: u64,
+    /// Elements.
+    pub elements: u64,
+    /// Elements without children.
+    pub leaves: u64,
+    /// Elements by level, roots first.
+    pub elements_by_level: Vec<u64>,
+    /// Links by visibility.
+    pub links: LinkReport,
+    /// Kernel evaluations.
+    pub counts: Counts,
+    /// Each iteration.
+    pub iterations: Vec<IterationReport>,
+    /// Energy balance.
+    pub energy: Energy,
+    /// Row sums.
+    pub row_sum: RowSum,
+    /// Seconds per phase.
+    pub phases: Vec<PhaseReport>,
+    /// Peak memory of the process, bytes (0 where the system does not tell).
+    pub peak_memory: u64,
+    /// What was found in the scene.
+    pub issues: Vec<Issue>,
+}

@@ -1,0 +1,83 @@
+//! What a user may ask of a solve; serialised into every result.
+
+use crate::SettingsError;
+use serde::{Deserialize, Serialize};
+
+/// Named errors.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Quality {
+    /// 0.2
+    Draft,
+    /// 0.1
+    Preview,
+    /// 0.05
+    Production,
+    /// 0.02
+    Final,
+}
+
+impl Quality {
+    /// The error that the name stands for.
+    #[must_use]
+    pub fn error(self) -> f64 {
+        match self {
+            Quality::Draft => 0.2,
+            Quality::Preview => 0.1,
+            Quality::Production => 0.05,
+            Quality::Final => 0.02,
+        }
+    }
+}
+
+/// When a new radiosity is seen by others.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Update {
+    /// At the end of the iteration.
+    Jacobi,
+    /// At once (as in Gauss-Seidel).
+    #[default]
+    InPlace,
+}
+
+/// What the roots of the quadtrees are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Roots {
+    /// The input polygons; the BSP tree's fragments only block rays.
+    #[default]
+    Polygons,
+    /// The BSP tree's fragments, as in the paper.
+    Fragments,
+}
+
+/// What a user may ask of a solve. Every epsilon is relative, so that a scene may be scaled or dimmed at will.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Settings {
+    /// Asked relative error of irradiance (RMS over surfaces, relative to the mean); sets the epsilons not given.
+    pub error: f64,
+    /// Links carry at most this share of the scene's mean irradiance (the paper's `BF_eps`).
+    pub bf_epsilon: Option<f64>,
+    /// Elements below this share of the scene's area are not split (the paper's `A_eps`).
+    pub area_epsilon: Option<f64>,
+    /// Stop when the total radiosity changes by less than this share in an iteration (the paper's `epsilon`).
+    pub energy_epsilon: Option<f64>,
+    /// When a new radiosity is seen by others.
+    pub update: Update,
+    /// Form factor kernel.
+    pub form_factor: crate::core::kernels::form_factor::FormFactor,
+    /// Rays per visibility: 16 or 256.
+    pub rays: crate::core::kernels::visibility::Rays,
+    /// Order of insertion in the BSP tree.
+    pub order: crate::core::tree::InsertionOrder,
+    /// What the roots of the quadtrees are.
+    pub roots: Roots,
+    /// Seed of every pseudo-random choice.
+    pub seed: u64,
+    /// Iterations after which the solve gives up (status `iteration-limit`).
+    pub max_iterations: u32,
+    /// Threads for rendering and for the interpolation; 0: all cores. Never changes a result.
+    pub threads: usize,
+}
