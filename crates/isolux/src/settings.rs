@@ -81,3 +81,52 @@ pub struct Settings {
     /// Threads for rendering and for the interpolation; 0: all cores. Never changes a result.
     pub threads: usize,
 }
+
+impl Default for Settings {
+    fn default() -> Settings {
+        Settings {
+            error: Quality::Production.error(),
+            bf_epsilon: None,
+            area_epsilon: None,
+            energy_epsilon: None,
+            update: Update::default(),
+            form_factor: Default::default(),
+            rays: Default::default(),
+            order: Default::default(),
+            roots: Roots::default(),
+            seed: 0,
+            max_iterations: 100,
+            threads: 0,
+        }
+    }
+}
+
+impl Settings {
+    /// Checks every value.
+    ///
+    /// # Errors
+    /// [`SettingsError`] naming the first setting that makes no sense.
+    pub fn validate(&self) -> Result<(), SettingsError> {
+        let share = |name, value: f64| {
+            if value.is_finite() && value > 0.0 && value <= 1.0 {
+                Ok(())
+            } else {
+                Err(SettingsError { name, value: value.to_string(), expected: "a number above 0 and at most 1" })
+            }
+        };
+        share("error", self.error)?;
+        for (name, value) in [("area_epsilon", self.area_epsilon), ("energy_epsilon", self.energy_epsilon)] {
+            value.map_or(Ok(()), |value| share(name, value))?;
+        }
+        if let Some(value) = self.bf_epsilon
+            && !(value.is_finite() && value > 0.0)
+        {
+            let expected = "a number above 0";
+            return Err(SettingsError { name: "bf_epsilon", value: value.to_string(), expected });
+        }
+        if self.max_iterations == 0 {
+            return Err(SettingsError { name: "max_iterations", value: "0".into(), expected: "at least 1" });
+        }
+        Ok(())
+    }
+}
