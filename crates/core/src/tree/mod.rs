@@ -1,8 +1,10 @@
 //! The tree: polygons in a BSP tree for rays ([`Bsp`]), and under each root a quadtree of [`Elements`] that grows by
 //! need.
 
+pub mod bsp;
 mod elements;
 mod path;
 
+pub use bsp::{Bsp, BspViolation, InsertionOrder};
 pub use elements::{Element, ElementId, Elements, TreeViolation};
 pub use path::Path;
