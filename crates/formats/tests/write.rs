@@ -810,7 +810,7 @@ fn pictures_with_holes_are_errors() {
 // --------------------------------------------------------------------------------------------------------- PLY and VTU
 
 /// Catches: header and data that disagree, wrong byte order, columns permuted, faces with another polygon's number,
-/// names with line breaks that end the comment.
+/// names with line breaks or the header's last word that end the comment.
 #[test]
 fn ply_reads_back() {
     let mut scene = scene();
@@ -828,7 +828,7 @@ fn ply_reads_back() {
         "comment isolux exposure 0.015625",
         "comment isolux sceneHash 000102030405060708090a0b0c0d0e0f101112131415161718191a1b1c1d1e1f",
         r#"comment isolux settings {"error":0.05,"name":"Büro"}"#,
-        "comment object 0 wall end_header",
+        "comment object 0 wall end-header",
         "comment object 1 floor",
     ] {
         assert!(header.contains(&comment), "{comment}");
