@@ -5,6 +5,7 @@ use glam::DVec3;
 
 /// How a piece lies to a plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[expect(clippy::large_enum_variant, reason = "lives on the stack for one step of an insertion")]
 pub enum Cut {
     /// In it: every corner within the tolerance.
     Coplanar,
