@@ -517,9 +517,9 @@ fn closed_meshes_are_watertight() {
         let bsp = tree(&scene, order);
         let mut random = Random(31);
         let far = scene.diameter;
-        for k in 0..350_000 {
+        for k in 0..350_000_usize {
             let origin = random.point(DVec3::splat(-0.2), DVec3::splat(0.2));
-            let target = if k % 2 == 0 {
+            let target = if k.is_multiple_of(2) {
                 let corners = &scene.polygons[random.below(scene.fronts)].corners;
                 on_edge(corners, &mut random, k)
             } else {
@@ -541,7 +541,7 @@ fn closed_meshes_are_watertight() {
 /// A corner (every fifth time) or a point of an edge.
 fn on_edge(corners: &[DVec3], random: &mut Random, k: usize) -> DVec3 {
     let i = random.below(corners.len());
-    let t = if k % 5 == 0 { 0.0 } else { random.unit() };
+    let t = if k.is_multiple_of(5) { 0.0 } else { random.unit() };
     corners[i] + (corners[(i + 1) % corners.len()] - corners[i]) * t
 }
 

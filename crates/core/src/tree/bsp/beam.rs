@@ -271,31 +271,42 @@ impl Packet {
     }
 
     /// Which segments meet the surface: the same operations in the same order as [`Surface::meet`].
+    ///
+    /// Every condition is kept as what it is fulfilled by (`h - |f| >= 0` exactly when `|f| <= h`), the least of which
+    /// decides: minima of numbers make shorter code than conjunctions of truth values (`lesser` is one instruction).
     pub(crate) fn meet(&self, surface: &Surface) -> u16 {
+        let lesser = |a: f64, b: f64| if a < b { a } else { b };
         let n = &surface.normal;
         let (u, v) = (surface.axis_u as usize, surface.axis_v as usize);
+        let (along_u, along_v) = ((&self.origin[u], &self.delta[u]), (&self.origin[v], &self.delta[v]));
         let mut t = [0.0; LANES];
+        let (mut x, mut y) = ([0.0; LANES], [0.0; LANES]);
+        let mut spare = [0.0; LANES];
         for k in 0..LANES {
             let [ox, oy, oz] = [self.origin[0][k], self.origin[1][k], self.origin[2][k]];
             let [dx, dy, dz] = [self.delta[0][k], self.delta[1][k], self.delta[2][k]];
             t[k] = -(n[0] * ox + n[1] * oy + n[2] * oz - surface.offset) / (n[0] * dx + n[1] * dy + n[2] * dz);
         }
-        let (mut x, mut y) = ([0.0; LANES], [0.0; LANES]);
-        let mut inside = [true; LANES];
         for k in 0..LANES {
-            x[k] = self.origin[u][k] + t[k] * self.delta[u][k];
-            y[k] = self.origin[v][k] + t[k] * self.delta[v][k];
-            inside[k] = (t[k] >= self.t_min[k])
-                & (t[k] <= self.t_max[k])
-                & ((x[k] - surface.middle[0]).abs() <= surface.half[0])
-                & ((y[k] - surface.middle[1]).abs() <= surface.half[1]);
+            x[k] = along_u.0[k] + t[k] * along_u.1[k];
+            y[k] = along_v.0[k] + t[k] * along_v.1[k];
+            spare[k] = lesser(
+                surface.half[0] - (x[k] - surface.middle[0]).abs(),
+                surface.half[1] - (y[k] - surface.middle[1]).abs(),
+            );
         }
         for &[a, b, c, h] in surface.bands() {
             for k in 0..LANES {
-                inside[k] &= (a * x[k] + b * y[k] + c).abs() <= h;
+                spare[k] = lesser(spare[k], h - (a * x[k] + b * y[k] + c).abs());
             }
         }
-        (0..LANES).fold(0, |mask, k| mask | u16::from(inside[k]) << k)
+        let mut met = 0;
+        for k in 0..LANES {
+            // A `t` that is NaN or infinite (a segment along the plane) fails here, whatever came of x and y.
+            let counts = (t[k] >= self.t_min[k]) & (t[k] <= self.t_max[k]) & (spare[k] >= 0.0);
+            met |= u16::from(counts) << k;
+        }
+        met
     }
 }
 
