@@ -6,7 +6,7 @@
 //! Two things are added for speed and one for exactness:
 //!
 //! - each node carries the bounding box of its subtree, so that a ray or a beam leaves out what it cannot reach;
-//! - rays that join two patches walk as one [`Beam`], which settles most polygons by one test for all of its rays;
+//! - rays that join two patches walk as one beam, which settles most polygons by one test for all of its rays;
 //! - a fragment only says *where* its polygon is: a ray is tested against the **whole** polygon, with its own plane and
 //!   edges. So no ray slips between fragments of a polygon, none is counted twice, and every result is bit for bit the
 //!   same whatever the order of insertion, the same as a search over all polygons without a tree.
@@ -227,7 +227,7 @@ impl Bsp {
     /// Lists the invariants and checks them: every node holds a fragment; a fragment's corners lie within the tolerance
     /// of its node's plane; what is below a child lies on its side of the plane, up to the tolerance, and inside the
     /// node's box; children come after their parents and have one; the areas of a polygon's fragments add up to its own
-    /// (where all of it was inserted).
+    /// (of those that were inserted, as a whole).
     ///
     /// # Errors
     /// The first violation.
