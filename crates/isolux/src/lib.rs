@@ -5,6 +5,7 @@ mod record;
 mod render;
 mod report;
 mod settings;
+mod smooth;
 mod solution;
 
 pub use error::{RecordError, RenderError, SettingsError, SolveError};
@@ -15,7 +16,7 @@ pub use render::{RenderSettings, View, render};
 pub use report::{Energy, IterationReport, LinkReport, PhaseReport, Report, RowSum, Status};
 pub use settings::{Quality, Settings};
 
-pub use isolux_core::solution::{Roots, Update};
+pub use isolux_core::solution::{Interpolation, Roots, Update};
 pub use solution::{Solution, solve};
 
 /// Version of the program, recorded in every result.

@@ -4,7 +4,7 @@ use crate::solution::hex;
 use crate::{RecordError, Report, Solution};
 use isolux_core::links::{Hierarchy, Link, Links};
 use isolux_core::scene::{AlphaMask, Camera, Corners, Image, Material, Object, Plane, Polygon, Scene, Side, Wrap};
-use isolux_core::solution::{Light, SmoothSurfaces};
+use isolux_core::solution::{Light, SmoothPlan};
 use isolux_core::tree::{Bsp, Element, ElementId, Elements, Path};
 use isolux_core::units::Rgb;
 use isolux_core::{DVec2, DVec3};
@@ -204,6 +204,7 @@ pub(crate) fn write(solution: &Solution) -> Record {
     arrays.push(flat_array("elements/path", Data::U64(nodes.iter().map(|node| node.path.to_bits()).collect())));
     arrays.push(rgb_array("elements/radiosity", light.radiosities().iter().copied()));
     arrays.push(rgb_array("elements/irradiance", light.irradiances().iter().copied()));
+    arrays.push(rgb_array("mesh/irradiance", solution.vertex_irradiance.iter().copied()));
     arrays.push(u32_array("links/receiver", links.iter().map(|(receiver, _)| receiver.0)));
     arrays.push(u32_array("links/source", links.iter().map(|(_, link)| link.source.0)));
     arrays.push(flat_array("links/form_factor", Data::F64(links.iter().map(|(_, link)| link.form_factor).collect())));
@@ -314,8 +315,13 @@ pub(crate) fn read(record: Record) -> Result<Solution, RecordError> {
     let (scene, active) = read_scene(attributes, &mut shelf)?;
     let hierarchy = read_hierarchy(&scene, &mut shelf)?;
     let bsp = Bsp::build(&scene, report.settings.order);
-    let surfaces = SmoothSurfaces::new(&scene, &bsp, &hierarchy.elements, &hierarchy.light);
-    Ok(Solution { scene: Arc::new(scene), bsp, hierarchy, active, surfaces, report })
+    let plan = SmoothPlan::new(&scene, &bsp, &hierarchy.elements);
+    let vertex_irradiance = shelf.rgb("mesh/irradiance", plan.vertices())?;
+    if vertex_irradiance.iter().any(|value| !value.is_finite()) {
+        return Err(inconsistent("mesh/irradiance", "not all values are finite"));
+    }
+    let surfaces = plan.assemble(&vertex_irradiance);
+    Ok(Solution { scene: Arc::new(scene), bsp, hierarchy, active, surfaces, vertex_irradiance, report })
 }
 
 fn read_scene(attributes: Attributes, shelf: &mut Shelf) -> Result<(Scene, Vec<bool>), RecordError> {

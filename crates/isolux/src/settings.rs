@@ -1,7 +1,7 @@
 //! What a user may ask of a solve; serialised into every result.
 
 use crate::SettingsError;
-use isolux_core::solution::{Roots, Update};
+use isolux_core::solution::{Interpolation, Roots, Update};
 use serde::{Deserialize, Serialize};
 
 /// Named errors.
@@ -39,6 +39,10 @@ pub struct Settings {
     pub error: f64,
     /// Links carry at most this share of the scene's mean irradiance (the paper's `BF_eps`).
     pub bf_epsilon: Option<f64>,
+    /// Links that see each other partly count this many times what they carry; 1 is the paper's rule.
+    pub partial_weight: f64,
+    /// A source's emission counts this many times what it reflects; 1 is the paper's rule.
+    pub emission_weight: f64,
     /// Elements below this share of the scene's area are not split (the paper's `A_eps`).
     pub area_epsilon: Option<f64>,
     /// Stop when the total radiosity changes by less than this share in an iteration (the paper's `epsilon`).
@@ -49,15 +53,19 @@ pub struct Settings {
     pub form_factor: crate::core::kernels::form_factor::FormFactor,
     /// Rays per visibility: 16 or 256.
     pub rays: crate::core::kernels::visibility::Rays,
+    /// What each ray counts for.
+    pub weighting: crate::core::kernels::visibility::Weighting,
     /// Order of insertion in the BSP tree.
     pub order: crate::core::tree::InsertionOrder,
     /// What the roots of the quadtrees are.
     pub roots: Roots,
+    /// How vertices get their values.
+    pub interpolation: Interpolation,
     /// Seed of every pseudo-random choice.
     pub seed: u64,
     /// Iterations after which the solve gives up (status `iteration-limit`).
     pub max_iterations: u32,
-    /// Threads for rendering and for the interpolation; 0: all cores. Never changes a result.
+    /// Threads of the interpolation; 0: all cores. Never changes a result.
     pub threads: usize,
 }
 
@@ -66,13 +74,17 @@ impl Default for Settings {
         Settings {
             error: Quality::Production.error(),
             bf_epsilon: None,
+            partial_weight: 16.0,
+            emission_weight: 0.1,
             area_epsilon: None,
             energy_epsilon: None,
             update: Update::default(),
             form_factor: Default::default(),
             rays: Default::default(),
+            weighting: Default::default(),
             order: Default::default(),
             roots: Roots::default(),
+            interpolation: Interpolation::default(),
             seed: 0,
             max_iterations: 100,
             threads: 0,

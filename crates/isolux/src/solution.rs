@@ -1,14 +1,15 @@
 //! A solved scene: asks and answers.
 
 use crate::report::{LinkReport, PhaseReport, RowSum};
-use crate::{Energy, IterationReport, Record, RecordError, Report, Settings, SolveError, Status, VERSION};
+use crate::{Energy, IterationReport, Record, RecordError, Report, Settings, SolveError, Status, VERSION, smooth};
 use isolux_core::kernels::Counts;
 use isolux_core::kernels::oracle::Thresholds;
+use isolux_core::kernels::visibility::Sampling;
 use isolux_core::links::Hierarchy;
 use isolux_core::scene::Scene;
 use isolux_core::solution::{
-    Flow, Observer, Parameters, Progress, SmoothSurfaces, Solver, Stop, SurfaceMesh, balance, pilot_irradiance,
-    row_sums,
+    Flow, Interpolation, Observer, Parameters, Progress, SmoothPlan, SmoothSurfaces, Solver, Stop, SurfaceMesh,
+    balance, pilot_irradiance, row_sums,
 };
 use isolux_core::tree::{Bsp, ElementId};
 use isolux_core::units::Rgb;
@@ -25,7 +26,10 @@ const AREA_PER_ERROR_SQUARED: f64 = 0.005;
 const ENERGY_PER_ERROR: f64 = 0.1;
 
 /// Share of progress after which the iteration ends and its evaluation begins.
-const SOLVER_SHARE: f64 = 0.95;
+const SOLVER_SHARE: f64 = 0.75;
+
+/// Share of progress after which values are smooth and only the balance is left.
+const SMOOTH_SHARE: f64 = 0.98;
 
 /// A solved scene.
 #[derive(Debug)]
@@ -35,6 +39,8 @@ pub struct Solution {
     pub(crate) hierarchy: Hierarchy,
     pub(crate) active: Vec<bool>,
     pub(crate) surfaces: SmoothSurfaces,
+    /// Irradiance by vertex of the restricted mesh: what `surfaces` was made from.
+    pub(crate) vertex_irradiance: Vec<Rgb>,
     pub(crate) report: Report,
 }
 
@@ -95,13 +101,15 @@ pub fn solve(scene: Arc<Scene>, settings: &Settings, observer: &mut dyn Observer
     let parameters = Parameters {
         thresholds: Thresholds {
             bf: settings.bf_epsilon.unwrap_or(BF_PER_ERROR * error) * scale,
+            partial: settings.partial_weight,
+            emission: settings.emission_weight,
             area: settings.area_epsilon.unwrap_or(AREA_PER_ERROR_SQUARED * error * error) * scene.area(),
         },
         stop: settings.energy_epsilon.map_or(Stop::Remainder(ENERGY_PER_ERROR * error), Stop::Change),
         update: settings.update,
         roots: settings.roots,
         form_factor: settings.form_factor,
-        rays: settings.rays,
+        sampling: Sampling { rays: settings.rays, weighting: settings.weighting },
         seed: settings.seed,
     };
     let mut part = Part { observer, from: 0.0, to: SOLVER_SHARE, stopped: false };
@@ -132,12 +140,28 @@ pub fn solve(scene: Arc<Scene>, settings: &Settings, observer: &mut dyn Observer
             break;
         }
     }
-    let (hierarchy, active, _, counts) = solver.finish();
+    let evaluator = solver.evaluator();
+    let (mut hierarchy, active, _, mut counts) = solver.finish();
     watch.lap("iteration");
-    let surfaces = SmoothSurfaces::new(&scene, &bsp, &hierarchy.elements, &hierarchy.light);
+    let mut rest = Part { observer: part.observer, from: SOLVER_SHARE, to: SMOOTH_SHARE, stopped: false };
+    // A cancelled solve is summed up all the same, in the quick way and without asking again.
+    let quick = status == Status::Cancelled;
+    let gathered = if quick || settings.interpolation == Interpolation::Averaged {
+        None
+    } else {
+        {
+            let above = parameters.thresholds.bf / parameters.thresholds.partial;
+            smooth::gather(&scene, &evaluator, &mut hierarchy, above, settings.threads, &mut counts, &mut rest)
+        }
+    };
+    if rest.stopped {
+        status = Status::Cancelled;
+    }
+    let plan = SmoothPlan::new(&scene, &bsp, &hierarchy.elements);
+    let vertex_irradiance = gathered.unwrap_or_else(|| plan.averaged(&hierarchy.light));
+    let surfaces = plan.assemble(&vertex_irradiance);
     watch.lap("interpolation");
-    // A cancelled solve is summed up all the same: a fraction of a second, without asking again.
-    let mut rest = Part { observer: part.observer, from: SOLVER_SHARE, to: 1.0, stopped: false };
+    let mut rest = Part { observer: rest.observer, from: SMOOTH_SHARE, to: 1.0, stopped: false };
     let measured = if status == Status::Cancelled {
         None
     } else {
@@ -186,7 +210,7 @@ pub fn solve(scene: Arc<Scene>, settings: &Settings, observer: &mut dyn Observer
     summarise(&scene, &hierarchy, &active, &mut report);
     watch.lap("report");
     report.phases = watch.phases;
-    Ok(Solution { scene, bsp, hierarchy, active, surfaces, report })
+    Ok(Solution { scene, bsp, hierarchy, active, surfaces, vertex_irradiance, report })
 }
 
 /// Fills in what follows from elements, links and light.

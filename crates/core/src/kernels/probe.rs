@@ -48,6 +48,20 @@ pub struct Counts {
     pub gathers: u64,
 }
 
+impl Counts {
+    /// Adds what another kernel run counted.
+    pub fn add(&mut self, other: &Counts) {
+        self.form_factors += other.form_factors;
+        self.form_factor_terms += other.form_factor_terms;
+        self.visibilities += other.visibilities;
+        self.rays += other.rays;
+        self.node_visits += other.node_visits;
+        self.fragment_tests += other.fragment_tests;
+        self.oracle_decisions += other.oracle_decisions;
+        self.gathers += other.gathers;
+    }
+}
+
 impl Probe for Counts {
     fn form_factor(&mut self, terms: u32) {
         self.form_factors += 1;

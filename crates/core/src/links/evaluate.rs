@@ -3,7 +3,7 @@
 
 use crate::kernels::Probe;
 use crate::kernels::form_factor::{FormFactor, exchange_area};
-use crate::kernels::visibility::{Rays, visibility};
+use crate::kernels::visibility::{Sampling, visibility};
 use crate::sampling::mix;
 use crate::scene::Scene;
 use crate::tree::{Bsp, ElementId, Elements};
@@ -17,8 +17,8 @@ pub struct Evaluator<'a> {
     pub bsp: &'a Bsp,
     /// Form factor kernel.
     pub form_factor: FormFactor,
-    /// Rays per visibility.
-    pub rays: Rays,
+    /// Rays of a visibility.
+    pub sampling: Sampling,
     /// Seed of the sample points.
     pub seed: u64,
 }
@@ -49,7 +49,7 @@ impl Evaluator<'_> {
         let (a, b) = canonical(elements, a, b);
         let names = [elements.get(a).path.to_bits(), elements.get(b).path.to_bits()];
         let seed = names.into_iter().fold(self.seed, |seed, name| mix(seed ^ name));
-        visibility(self.bsp, self.scene, &elements.patch(a), &elements.patch(b), self.rays, seed, probe)
+        visibility(self.bsp, self.scene, &elements.patch(a), &elements.patch(b), self.sampling, seed, probe)
     }
 }
 

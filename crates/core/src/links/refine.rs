@@ -71,7 +71,8 @@ pub fn refine<P: Probe>(
         };
         let source = link.source;
         let areas = [area, hierarchy.elements.get(source).area];
-        let radiosity = hierarchy.light.radiosity(source).mean();
+        let emission = evaluator.scene.polygons[hierarchy.elements.get(source).polygon as usize].emission.mean();
+        let radiosity = hierarchy.light.radiosity(source).mean() - (1.0 - thresholds.emission) * emission;
         match bf_refinement(visibility, link.form_factor, radiosity, areas, thresholds, probe) {
             Decision::SplitReceiver if hierarchy.split(receiver) => {
                 list.swap_remove(at);

@@ -42,16 +42,6 @@ struct Cell {
 }
 
 impl SmoothSurfaces {
-    /// Interpolates the leaves of `elements`.
-    #[must_use]
-    pub fn new(scene: &Scene, bsp: &Bsp, elements: &Elements, light: &Light) -> SmoothSurfaces {
-        let mut builder = Builder::new(scene, elements);
-        builder.restrict();
-        let groups = smoothing_groups(scene, bsp);
-        let values = builder.vertex_values(&groups, light);
-        builder.assemble(&groups, &values)
-    }
-
     /// The mesh with values at its vertices.
     #[must_use]
     pub fn mesh(&self) -> &SurfaceMesh {
@@ -185,14 +175,204 @@ fn middle(a: DVec3, b: DVec3) -> DVec3 {
     (a + b) * 0.5
 }
 
+/// Values at sites, found by point and smoothing group.
+struct Values<'a> {
+    index: &'a FxHashMap<(u32, u32), u32>,
+    values: &'a [Rgb],
+}
+
+impl Values<'_> {
+    fn get(&self, point: u32, group: u32) -> Option<Rgb> {
+        self.index.get(&(point, group)).map(|&site| self.values[site as usize])
+    }
+}
+
+/// A place whose irradiance makes up the smooth solution: a vertex of the leaves, or the centre of one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Site {
+    /// Where, metres. Vertices at the border of a surface lie a little inside it.
+    pub position: DVec3,
+    /// The smallest leaf there: its links and those of its ancestors are what the site sees.
+    pub leaf: ElementId,
+}
+
+/// Vertices at a border are moved towards the middle of the leaves around by this share of the distance, so that a
+/// wall that stands on the border is seen at all (in its plane its factor is undefined: 0 from one side, 1/2 from the
+/// other). The irradiance changes over a leaf by its size, so this costs about a hundredth of that change.
+const INSET: f64 = 0.01;
+
+/// The mesh that a smooth solution will have, before it has values.
+#[derive(Debug)]
+pub struct SmoothPlan<'a> {
+    builder: Builder<'a>,
+    groups: Vec<u32>,
+    index: FxHashMap<(u32, u32), u32>,
+    sites: Vec<Site>,
+    /// Sites from here on are the centres of the leaves, in order.
+    centres: usize,
+    /// For each leaf: its id, and its vertices as sites, corners marked.
+    leaves: Vec<(ElementId, Vec<(u32, bool)>)>,
+    /// For each vertex: is it surrounded by leaves?
+    inner: Vec<bool>,
+}
+
+impl<'a> SmoothPlan<'a> {
+    /// Lays out the restricted mesh of the elements' leaves and finds its sites.
+    #[must_use]
+    pub fn new(scene: &'a Scene, bsp: &Bsp, elements: &'a Elements) -> SmoothPlan<'a> {
+        let mut builder = Builder::new(scene, elements);
+        builder.restrict();
+        let groups = smoothing_groups(scene, bsp);
+        let mut index: FxHashMap<(u32, u32), u32> = FxHashMap::default();
+        let mut corners: Vec<Vertex> = Vec::new();
+        let mut leaves = Vec::new();
+        for leaf in elements.leaves() {
+            let element = elements.get(leaf);
+            let (centre, group) = (element.corners.mean(), groups[element.polygon as usize]);
+            let outline = builder.outline(&element.corners);
+            let mut own = Vec::with_capacity(outline.len());
+            for (k, &(point, position, is_corner)) in outline.iter().enumerate() {
+                let before = outline[(k + outline.len() - 1) % outline.len()].1;
+                let after = outline[(k + 1) % outline.len()].1;
+                let site = *index.entry((point, group)).or_insert_with(|| {
+                    corners.push(Vertex { position, leaf, towards: DVec3::ZERO, count: 0.0, angle: 0.0 });
+                    corners.len() as u32 - 1
+                });
+                let vertex = &mut corners[site as usize];
+                vertex.angle += angle(before - position, after - position);
+                vertex.towards += centre;
+                vertex.count += 1.0;
+                let finest = elements.get(vertex.leaf);
+                if (element.area, element.path) < (finest.area, finest.path) {
+                    vertex.leaf = leaf;
+                }
+                own.push((site, is_corner));
+            }
+            leaves.push((leaf, own));
+        }
+        let inner: Vec<bool> = corners.iter().map(Vertex::is_inner).collect();
+        let mut sites: Vec<Site> = corners.iter().map(Vertex::site).collect();
+        let centres = sites.len();
+        sites.extend(leaves.iter().map(|&(leaf, _)| Site { position: elements.get(leaf).corners.mean(), leaf }));
+        SmoothPlan { builder, groups, index, sites, centres, leaves, inner }
+    }
+
+    /// All places whose irradiance is asked for: vertices first, then the centres of the leaves.
+    #[must_use]
+    pub fn sites(&self) -> &[Site] {
+        &self.sites
+    }
+
+    /// Number of vertices: the sites that a mesh needs.
+    #[must_use]
+    pub fn vertices(&self) -> usize {
+        self.centres
+    }
+
+    /// Irradiance at the vertices from that of the leaves around them: means weighted by inverse distance to the
+    /// leaves' centres; at borders continued linearly, so that a leaf's mean is kept.
+    #[must_use]
+    pub fn averaged(&self, light: &Light) -> Vec<Rgb> {
+        let elements = self.builder.elements;
+        let mut around = vec![Gathered::default(); self.centres];
+        for (leaf, vertices) in &self.leaves {
+            let centre = elements.get(*leaf).corners.mean();
+            for &(site, _) in vertices {
+                // The vertex itself, not its inset: distances to the leaves around are what counts.
+                around[site as usize].add(light.irradiance(*leaf), self.sites[site as usize].position.distance(centre));
+            }
+        }
+        let mut values: Vec<Rgb> = around.iter().map(Gathered::mean).collect();
+        let mut border = vec![Gathered::default(); self.centres];
+        for (leaf, vertices) in &self.leaves {
+            let centre = elements.get(*leaf).corners.mean();
+            let corners: Vec<u32> =
+                vertices.iter().filter(|(_, is_corner)| *is_corner).map(|&(site, _)| site).collect();
+            let count = corners.len();
+            for (k, &site) in corners.iter().enumerate() {
+                let offsets: &[usize] = if count == 4 { &[2] } else { &[1, 2] };
+                let opposite: Vec<u32> = offsets.iter().map(|offset| corners[(k + offset) % count]).collect();
+                if self.inner[site as usize] || !opposite.iter().all(|&site| self.inner[site as usize]) {
+                    continue;
+                }
+                let known: Rgb = opposite.iter().map(|&site| around[site as usize].mean()).sum();
+                let continued = light.irradiance(*leaf) * (opposite.len() as f64 + 1.0) - known;
+                border[site as usize].add(continued, self.sites[site as usize].position.distance(centre));
+            }
+        }
+        for (value, border) in values.iter_mut().zip(&border).filter(|(_, border)| border.weight > 0.0) {
+            *value = border.mean().map(|value| value.max(0.0));
+        }
+        values
+    }
+
+    /// Mean irradiance of every leaf from that at its corners and centre, in the order of [`Elements::leaves`]:
+    /// centre 2/3 and corners 1/3 for a quadrilateral, 3/4 and 1/4 for a triangle. These weights integrate quadratic
+    /// functions exactly on parallelograms and triangles: the moments 1, x, x², xy fix them.
+    #[must_use]
+    pub fn leaf_means(&self, values: &[Rgb]) -> Vec<(ElementId, Rgb)> {
+        let means = self.leaves.iter().enumerate().map(|(index, (leaf, vertices))| {
+            let corners: Vec<u32> =
+                vertices.iter().filter(|(_, is_corner)| *is_corner).map(|&(site, _)| site).collect();
+            let centre_share = if corners.len() == 4 { 2.0 / 3.0 } else { 3.0 / 4.0 };
+            let around: Rgb = corners.iter().map(|&site| values[site as usize]).sum();
+            let around = around * ((1.0 - centre_share) / corners.len() as f64);
+            (*leaf, values[self.centres + index] * centre_share + around)
+        });
+        means.collect()
+    }
+
+    /// Puts the mesh together. `values`: irradiance by site, at least of the vertices.
+    #[must_use]
+    pub fn assemble(self, values: &[Rgb]) -> SmoothSurfaces {
+        let SmoothPlan { builder, groups, index, .. } = self;
+        builder.assemble(&groups, &Values { index: &index, values })
+    }
+}
+
+/// A vertex while leaves are collected around it.
+struct Vertex {
+    position: DVec3,
+    leaf: ElementId,
+    /// Sum of the centres of the leaves around, and their number.
+    towards: DVec3,
+    count: f64,
+    /// Angle that they fill, radians.
+    angle: f64,
+}
+
+impl Vertex {
+    fn is_inner(&self) -> bool {
+        // A full turn, less the rounding of about 20 corners that meet.
+        self.angle > 2.0 * std::f64::consts::PI - 1e-6
+    }
+
+    fn site(&self) -> Site {
+        let inset = if self.is_inner() { 0.0 } else { INSET };
+        let position = self.position + (self.towards / self.count - self.position) * inset;
+        Site { position, leaf: self.leaf }
+    }
+}
+
 /// Sums of values at a vertex.
 #[derive(Clone, Copy, Default)]
 struct Gathered {
     sum: Rgb,
     weight: f64,
-    angle: f64,
 }
 
+impl Gathered {
+    fn add(&mut self, value: Rgb, distance: f64) {
+        self.sum += value * (1.0 / distance);
+        self.weight += 1.0 / distance;
+    }
+
+    fn mean(&self) -> Rgb {
+        self.sum / self.weight
+    }
+}
+
+#[derive(Debug)]
 struct Builder<'a> {
     scene: &'a Scene,
     elements: &'a Elements,
@@ -292,64 +472,8 @@ impl<'a> Builder<'a> {
         self.hang(centre, to, limit - 1, outline);
     }
 
-    /// Irradiance by (point, smoothing group): the mean of the leaves around, weighted by inverse distance to their
-    /// centres; at borders continued linearly, so that a leaf's mean is kept.
-    fn vertex_values(&self, groups: &[u32], light: &Light) -> FxHashMap<(u32, u32), Rgb> {
-        let mut gathered: FxHashMap<(u32, u32), Gathered> = FxHashMap::default();
-        let leaves: Vec<(ElementId, Vec<(u32, DVec3, bool)>)> =
-            self.elements.leaves().map(|leaf| (leaf, self.outline(&self.elements.get(leaf).corners))).collect();
-        for (leaf, outline) in &leaves {
-            let element = self.elements.get(*leaf);
-            let (centre, group) = (element.corners.mean(), groups[element.polygon as usize]);
-            for (k, &(point, position, _)) in outline.iter().enumerate() {
-                let before = outline[(k + outline.len() - 1) % outline.len()].1;
-                let after = outline[(k + 1) % outline.len()].1;
-                let entry = gathered.entry((point, group)).or_default();
-                let weight = 1.0 / position.distance(centre);
-                entry.sum += light.irradiance(*leaf) * weight;
-                entry.weight += weight;
-                entry.angle += angle(before - position, after - position);
-            }
-        }
-        let average = |gathered: &Gathered| gathered.sum / gathered.weight;
-        let mut values: FxHashMap<(u32, u32), Rgb> =
-            gathered.iter().map(|(&place, gathered)| (place, average(gathered))).collect();
-        // A full turn, less rounding: at most about 20 corners meet.
-        let is_inner = |place: &(u32, u32)| gathered[place].angle > 2.0 * std::f64::consts::PI - 1e-6;
-        let mut border: FxHashMap<(u32, u32), Gathered> = FxHashMap::default();
-        for (leaf, outline) in &leaves {
-            let element = self.elements.get(*leaf);
-            let group = groups[element.polygon as usize];
-            let corners: Vec<(u32, DVec3)> = outline
-                .iter()
-                .filter(|(.., is_corner)| *is_corner)
-                .map(|&(point, position, _)| (point, position))
-                .collect();
-            let own = light.irradiance(*leaf);
-            for k in 0..corners.len() {
-                let place = (corners[k].0, group);
-                let others: &[usize] = if corners.len() == 4 { &[2] } else { &[1, 2] };
-                let opposite: Vec<(u32, u32)> =
-                    others.iter().map(|offset| (corners[(k + offset) % corners.len()].0, group)).collect();
-                if is_inner(&place) || !opposite.iter().all(is_inner) {
-                    continue;
-                }
-                let share = opposite.len() as f64;
-                let known: Rgb = opposite.iter().map(|place| average(&gathered[place])).sum();
-                let weight = 1.0 / corners[k].1.distance(element.corners.mean());
-                let entry = border.entry(place).or_default();
-                entry.sum += (own * (share + 1.0) - known) * weight;
-                entry.weight += weight;
-            }
-        }
-        for (place, continued) in border {
-            values.insert(place, average(&continued).map(|value| value.max(0.0)));
-        }
-        values
-    }
-
     /// Puts the mesh together: vertices and triangles polygon by polygon.
-    fn assemble(mut self, groups: &[u32], values: &FxHashMap<(u32, u32), Rgb>) -> SmoothSurfaces {
+    fn assemble(mut self, groups: &[u32], values: &Values<'_>) -> SmoothSurfaces {
         let mut mesh = SurfaceMesh::default();
         for polygon in 0..self.scene.polygons.len() as u32 {
             mesh.vertex_start.push(mesh.positions.len() as u32);
@@ -371,7 +495,7 @@ impl<'a> Builder<'a> {
     }
 
     /// Vertices first, corners before what the restriction added inside; then the children, or the triangles.
-    fn lay_out(&mut self, at: u32, sheet: &mut Sheet, values: &FxHashMap<(u32, u32), Rgb>, mesh: &mut SurfaceMesh) {
+    fn lay_out(&mut self, at: u32, sheet: &mut Sheet, values: &Values<'_>, mesh: &mut SurfaceMesh) {
         let cell = self.cells[at as usize].clone();
         let element_is_leaf = self.elements.is_leaf(cell.element);
         let outline = self.outline(&cell.corners);
@@ -432,7 +556,7 @@ impl<'a> Builder<'a> {
         &self,
         outline: &[(u32, DVec3, bool)],
         sheet: &mut Sheet,
-        values: &FxHashMap<(u32, u32), Rgb>,
+        values: &Values<'_>,
         mesh: &mut SurfaceMesh,
     ) -> Vec<u32> {
         let corners = outline.iter().filter(|(.., is_corner)| *is_corner);
@@ -445,7 +569,7 @@ impl<'a> Builder<'a> {
         &self,
         outline: &[(u32, DVec3, bool)],
         sheet: &mut Sheet,
-        values: &FxHashMap<(u32, u32), Rgb>,
+        values: &Values<'_>,
         mesh: &mut SurfaceMesh,
     ) -> Vec<u32> {
         let count = outline.len();
@@ -482,12 +606,12 @@ impl Sheet {
         &mut self,
         point: u32,
         position: DVec3,
-        values: &FxHashMap<(u32, u32), Rgb>,
+        values: &Values<'_>,
         fallback: Option<Rgb>,
         mesh: &mut SurfaceMesh,
     ) -> u32 {
         *self.vertices.entry(point).or_insert_with(|| {
-            let value = values.get(&(point, self.group)).copied().or(fallback).unwrap_or(Rgb::ZERO);
+            let value = values.get(point, self.group).or(fallback).unwrap_or(Rgb::ZERO);
             mesh.positions.push(position);
             mesh.irradiance.push(value);
             mesh.positions.len() as u32 - 1

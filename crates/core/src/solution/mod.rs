@@ -9,11 +9,13 @@ mod pilot;
 mod progress;
 mod solver;
 mod trace;
+mod vertex_gather;
 
 pub use balance::{Balance, RowSums, balance, row_sums};
-pub use interpolate::SmoothSurfaces;
+pub use interpolate::{Site, SmoothPlan, SmoothSurfaces};
 pub use light::{Light, LightViolation, Update};
 pub use mesh::SurfaceMesh;
 pub use pilot::pilot_irradiance;
 pub use progress::{Flow, Observer, Phase, Progress, Unobserved};
-pub use solver::{Iteration, Parameters, Roots, Solver, Stop};
+pub use solver::{Interpolation, Iteration, Parameters, Roots, Solver, Stop};
+pub use vertex_gather::{Shadows, irradiance_at_site};

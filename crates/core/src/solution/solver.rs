@@ -6,7 +6,7 @@ use super::{Flow, Light, Observer, Phase, Progress, Update};
 use crate::kernels::Probe;
 use crate::kernels::form_factor::FormFactor;
 use crate::kernels::oracle::Thresholds;
-use crate::kernels::visibility::Rays;
+use crate::kernels::visibility::Sampling;
 use crate::links::{Evaluator, Hierarchy, Link, Links, refine};
 use crate::scene::{Plane, Scene, Side};
 use crate::tree::{Bsp, ElementId, Elements};
@@ -22,6 +22,17 @@ pub enum Roots {
     Polygons,
     /// The BSP tree's fragments, as in the paper.
     Fragments,
+}
+
+/// How vertices get their values from a settled hierarchy.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Interpolation {
+    /// From the constant values of the leaves around them, as in the paper.
+    Averaged,
+    /// Gathered at each vertex over the links of its leaf, with factors of the point.
+    #[default]
+    Gathered,
 }
 
 /// When the iteration ends.
@@ -47,8 +58,8 @@ pub struct Parameters {
     pub roots: Roots,
     /// Form factor kernel.
     pub form_factor: FormFactor,
-    /// Rays per visibility.
-    pub rays: Rays,
+    /// Rays of a visibility.
+    pub sampling: Sampling,
     /// Seed of sample points.
     pub seed: u64,
 }
@@ -118,9 +129,9 @@ impl<'a, P: Probe + Default> Solver<'a, P> {
         let light = Light::emitted(scene, &elements, parameters.update);
         let active = scene.polygons.iter().map(|polygon| polygon.side == Side::Front || polygon.emission != Rgb::ZERO);
         let active: Vec<bool> = active.collect();
-        let Parameters { form_factor, rays, seed, .. } = parameters;
+        let Parameters { form_factor, sampling, seed, .. } = parameters;
         Solver {
-            evaluator: Evaluator { scene, bsp, form_factor, rays, seed },
+            evaluator: Evaluator { scene, bsp, form_factor, sampling, seed },
             parameters,
             hierarchy: Hierarchy { elements, links, light },
             backs: LazyBacks::new(scene, bsp, &active, seed),
@@ -136,6 +147,12 @@ impl<'a, P: Probe + Default> Solver<'a, P> {
     #[must_use]
     pub fn hierarchy(&self) -> &Hierarchy {
         &self.hierarchy
+    }
+
+    /// What evaluates pairs.
+    #[must_use]
+    pub fn evaluator(&self) -> Evaluator<'a> {
+        self.evaluator
     }
 
     /// Iterations so far.

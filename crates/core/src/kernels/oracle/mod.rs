@@ -18,6 +18,12 @@ pub enum Decision {
 pub struct Thresholds {
     /// `BF_eps`: irradiance that one link may carry, W/m² or lm/m².
     pub bf: f64,
+    /// Weight of what a partially visible link carries, at least 1: its visibility is only sampled and varies over
+    /// both elements, so that it is less certain by far than that of a free link. 1 is the paper's rule.
+    pub partial: f64,
+    /// Weight of a source's own emission against what it reflects, at most 1: emission is constant over a polygon, so
+    /// that a link to it errs only by what its receiver's vertices then gather anew. 1 is the paper's rule.
+    pub emission: f64,
     /// `A_eps`: area above which an element may be split, m².
     pub area: f64,
 }
@@ -45,7 +51,8 @@ pub fn bf_refinement<P: Probe>(
 ) -> Decision {
     probe.oracle();
     let [receiver, source] = areas;
-    if visibility * form_factor * radiosity <= thresholds.bf || receiver.max(source) <= thresholds.area {
+    let weight = if visibility > 0.0 && visibility < 1.0 { thresholds.partial } else { 1.0 };
+    if weight * visibility * form_factor * radiosity <= thresholds.bf || receiver.max(source) <= thresholds.area {
         Decision::Keep
     } else if receiver >= source {
         Decision::SplitReceiver
@@ -59,7 +66,7 @@ mod tests {
     use super::*;
     use crate::kernels::NoProbe;
 
-    const THRESHOLDS: Thresholds = Thresholds { bf: 0.1, area: 1.0 };
+    const THRESHOLDS: Thresholds = Thresholds { bf: 0.1, partial: 1.0, emission: 1.0, area: 1.0 };
 
     fn decide(v: f64, f: f64, b: f64, areas: [f64; 2]) -> Decision {
         bf_refinement(v, f, b, areas, &THRESHOLDS, &mut NoProbe)

@@ -42,6 +42,12 @@ impl Segment {
         })
     }
 
+    /// Heights of each end above the other's plane, metres, and the squared length, m²: `between`'s own numbers back.
+    pub(crate) fn heights(&self, tolerance: f64) -> ([f64; 2], f64) {
+        let square = self.delta.iter().map(|component| component * component).sum();
+        ([tolerance / self.t_min, tolerance / (1.0 - self.t_max)], square)
+    }
+
     /// Parameter at which the segment meets a surface.
     #[inline]
     fn meet(&self, surface: &Surface) -> Option<f64> {

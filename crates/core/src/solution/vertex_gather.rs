@@ -1,0 +1,86 @@
+//! Irradiance at a point from the links above it: a site and a hierarchy go in, a sum over point-to-polygon factors
+//! comes out. Links decide which sources stand for the surroundings; how the receiver sees each is evaluated anew.
+
+use super::interpolate::Site;
+use crate::kernels::Probe;
+use crate::kernels::form_factor::point_factor;
+use crate::kernels::visibility::point_visibility;
+use crate::links::{Evaluator, Hierarchy};
+use crate::sampling::mix;
+use crate::tree::ElementId;
+use crate::units::Rgb;
+
+/// How partially visible sources are seen from a site.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Shadows {
+    /// As the link says: the mean over its receiver.
+    OfLinks,
+    /// By 16 rays from the site to the source, where the source would throw more than this on it, W/m² or lm/m²: links
+    /// to lights, and links that were too small to be refined further. Others have been refined until they carry less.
+    OfSites(f64),
+}
+
+/// `H = sum_j F(x, j) V_j B_j` over the links of the site's leaf and all its ancestors.
+///
+/// - F(x, j): closed-form factor from the point to the source, which the horizon clips; its sum over sources that close
+///   the surroundings is exactly 1, whatever their sizes
+/// - V_j: the link's visibility where that is 0 or 1; else as `shadows` says
+/// - B_j: radiosity of the source, W/m² or lm/m²
+///
+/// Source: Lischinski, Tampieri, Greenberg 1993, "Combining hierarchical radiosity and discontinuity meshing" (the
+/// local pass: links of the global pass, factors of the point).
+pub fn irradiance_at_site<P: Probe>(
+    site: &Site,
+    evaluator: &Evaluator<'_>,
+    hierarchy: &Hierarchy,
+    shadows: Shadows,
+    probe: &mut P,
+) -> Rgb {
+    let Hierarchy { elements, links, light } = hierarchy;
+    let receiver = elements.patch(site.leaf);
+    let mut sum = Rgb::ZERO;
+    let mut at = site.leaf;
+    while at != ElementId::NONE {
+        for link in links.of(at) {
+            let visible = link.visibility().unwrap_or(0.0);
+            let radiosity = light.radiosity(link.source);
+            if visible <= 0.0 || radiosity == Rgb::ZERO {
+                continue;
+            }
+            let source = elements.patch(link.source);
+            probe.form_factor(1);
+            let factor = point_factor(site.position, receiver.plane.normal, &source);
+            if factor <= 0.0 {
+                continue;
+            }
+            let is_strong = matches!(shadows, Shadows::OfSites(above) if factor * radiosity.mean() > above);
+            let visible = if visible < 1.0 && is_strong {
+                let names = [elements.get(site.leaf).path, elements.get(link.source).path];
+                let seed = names.into_iter().fold(evaluator.seed, |seed, name| mix(seed ^ name.to_bits()));
+                let seed = site.position.to_array().into_iter().fold(seed, |seed, x| mix(seed ^ x.to_bits()));
+                point_visibility(evaluator.bsp, evaluator.scene, site.position, receiver.plane, &source, seed, probe)
+            } else {
+                visible
+            };
+            sum += radiosity * (factor * visible);
+        }
+        at = elements.get(at).parent;
+    }
+    sum
+}
+
+impl Hierarchy {
+    /// Gives leaves new irradiances, with the radiosities that follow, and pulls both up.
+    pub fn relight_leaves(&mut self, scene: &crate::scene::Scene, means: &[(ElementId, Rgb)]) {
+        for &(leaf, irradiance) in means {
+            let polygon = &scene.polygons[self.elements.get(leaf).polygon as usize];
+            self.light.set(leaf, irradiance, polygon.emission + polygon.reflectance * irradiance);
+        }
+        self.light.publish();
+        // Children come after their parents.
+        for id in (0..self.elements.len() as u32).rev().map(ElementId) {
+            self.light.pull(id, &self.elements);
+        }
+        self.light.publish();
+    }
+}

@@ -1,0 +1,64 @@
+//! The last pass of a solve on all cores: irradiance gathered at the sites of the smooth mesh.
+
+use isolux_core::kernels::Counts;
+use isolux_core::links::{Evaluator, Hierarchy};
+use isolux_core::scene::Scene;
+use isolux_core::solution::{Flow, Observer, Phase, Progress, Shadows, Site, SmoothPlan, irradiance_at_site};
+use isolux_core::units::Rgb;
+use rayon::prelude::*;
+
+/// Sites between two calls of the observer: some milliseconds of work.
+const SITES_PER_WATCH: usize = 256;
+
+/// Gathers twice: first at vertices and centres of the leaves, which gives every leaf the mean irradiance that its
+/// surroundings really throw on it; then, from these, at the vertices alone, now with shadows of their own where a
+/// source throws more than `shadows_above` (W/m² or lm/m²). Returns the
+/// irradiance by vertex; `None` when the observer stopped it (leaves then keep what they have).
+pub(crate) fn gather(
+    scene: &Scene,
+    evaluator: &Evaluator<'_>,
+    hierarchy: &mut Hierarchy,
+    shadows_above: f64,
+    threads: usize,
+    counts: &mut Counts,
+    observer: &mut dyn Observer,
+) -> Option<Vec<Rgb>> {
+    let elements = hierarchy.elements.clone();
+    let plan = SmoothPlan::new(scene, evaluator.bsp, &elements);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().ok()?;
+    let mut pass = |sites: &[Site], shadows, hierarchy: &Hierarchy, from: f64, to: f64| {
+        let mut values = Vec::with_capacity(sites.len());
+        for chunk in sites.chunks(SITES_PER_WATCH * pool.current_num_threads()) {
+            let done = from + (to - from) * values.len() as f64 / sites.len() as f64;
+            let links = hierarchy.links.receivers();
+            let progress = Progress {
+                phase: Phase::Interpolation,
+                done,
+                iteration: 0,
+                residual: 0.0,
+                elements: elements.len(),
+                links,
+            };
+            if observer.observe(&progress) == Flow::Stop {
+                return None;
+            }
+            let part: Vec<(Rgb, Counts)> = pool.install(|| {
+                chunk
+                    .par_iter()
+                    .map(|site| {
+                        let mut own = Counts::default();
+                        (irradiance_at_site(site, evaluator, hierarchy, shadows, &mut own), own)
+                    })
+                    .collect()
+            });
+            for (value, own) in part {
+                values.push(value);
+                counts.add(&own);
+            }
+        }
+        Some(values)
+    };
+    let first = pass(plan.sites(), Shadows::OfLinks, hierarchy, 0.0, 0.5)?;
+    hierarchy.relight_leaves(scene, &plan.leaf_means(&first));
+    pass(&plan.sites()[..plan.vertices()], Shadows::OfSites(shadows_above), hierarchy, 0.5, 1.0)
+}
