@@ -2,3 +2,5 @@
 //! files; what is in between is the core's.
 
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::print_stdout, clippy::print_stderr))]
+
+pub mod read;

@@ -1,0 +1,197 @@
+//! glTF 2.0 and GLB: container, nodes, meshes and materials become a [`SceneInput`]; every index, offset and length
+//! is checked before it is used.
+
+mod accessor;
+mod container;
+mod extensions;
+mod material;
+mod mesh;
+mod nodes;
+mod schema;
+
+pub(super) use container::{MAGIC, looks_like_json};
+
+use super::error::{ReadError, brief};
+use super::look::Loaded;
+use super::texture::Bank;
+use super::{MAX_FACES, ReadOptions, issue};
+use container::Document;
+use isolux_core::scene::{Face, IssueKind, Material, Object, SceneInput, Severity, Texture};
+use mesh::Piece;
+use nodes::Instance;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Meshes by number, as their pieces.
+type Meshes<'a> = BTreeMap<usize, Vec<Piece<'a>>>;
+
+/// Reads a GLB or glTF file that has been loaded.
+pub(super) fn read(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<SceneInput, ReadError> {
+    let document = container::open(path, bytes)?;
+    let mut scene = SceneInput { metres_per_unit: options.metres_per_unit.unwrap_or(1.0), ..SceneInput::default() };
+    scene.issues = extensions::notes(&document.file, &document.root);
+    let walk = nodes::walk(&document)?;
+    scene.issues.extend(walk.issues);
+    scene.cameras = walk.cameras;
+    if !document.root.animations.is_empty() {
+        let message = format!("{} animations are ignored", document.root.animations.len());
+        scene.issues.push(issue(Severity::Note, IssueKind::Ignored, &document.file, message));
+    }
+
+    let mut meshes = open_meshes(&document, &walk.instances, &mut scene)?;
+    dress(&document, options, &mut meshes, &mut scene)?;
+    place(&document, &walk.instances, &meshes, &mut scene);
+    Ok(scene)
+}
+
+/// Opens each mesh that is shown, once.
+fn open_meshes<'a>(
+    document: &'a Document<'a>,
+    instances: &[Instance],
+    scene: &mut SceneInput,
+) -> Result<Meshes<'a>, ReadError> {
+    let mut meshes = Meshes::new();
+    let mut faces = 0_usize;
+    for instance in instances {
+        if !meshes.contains_key(&instance.mesh) {
+            let pieces = mesh::open(document, instance.mesh, &instance.object, faces, &mut scene.issues)?;
+            meshes.insert(instance.mesh, pieces);
+        }
+        faces += meshes[&instance.mesh].iter().map(|piece| piece.triangles.len()).sum::<usize>();
+        if faces > MAX_FACES {
+            return Err(mesh::too_many(document, &instance.object, faces));
+        }
+    }
+    Ok(meshes)
+}
+
+/// Gives the scene its materials, and each piece its surfaces and texture coordinates; material by material, so
+/// that textures need not all be decoded at once.
+fn dress(
+    document: &Document<'_>,
+    options: &ReadOptions,
+    meshes: &mut Meshes<'_>,
+    scene: &mut SceneInput,
+) -> Result<(), ReadError> {
+    let entries = material::all(document, options)?;
+    let default = entries.len() - 1;
+    let mut users: BTreeMap<usize, Vec<&mut Piece<'_>>> = BTreeMap::new();
+    for piece in meshes.values_mut().flatten() {
+        let material = piece.material.unwrap_or(default);
+        if material >= default && piece.material.is_some() {
+            let owner = format!("object '{}'", brief(&piece.object));
+            return Err(nodes::reference(document, owner, "material", material, default));
+        }
+        users.entry(material).or_default().push(piece);
+    }
+    let mut bank = material::bank(document);
+    for (index, entry) in entries.into_iter().enumerate() {
+        let pieces = users.remove(&index).unwrap_or_default();
+        if pieces.is_empty() && index == default {
+            break;
+        }
+        if pieces.is_empty() {
+            // Not shown: its textures are nobody's business.
+            let mut look = entry.look;
+            (look.base_map, look.emission_map, look.transmission_map) = (None, None, None);
+            let loaded = look.load(&mut bank, |_, _, _| {});
+            scene.materials.push(finish(entry.name, entry.two_sided, &loaded, None, scene.masks.len()).0);
+            continue;
+        }
+        scene.issues.extend(entry.notes);
+        let loaded = entry.look.load(&mut bank, |what, image, reason| {
+            let message = format!("{what} texture '{}': {}: its factor alone counts", brief(image), brief(&reason));
+            scene.issues.push(issue(Severity::Warning, IssueKind::MissingFile, &entry.name, message));
+        });
+        for piece in pieces {
+            dress_piece(piece, &loaded, &entry.name, scene);
+        }
+        let texture = keep_texture(&loaded, &mut bank, &mut scene.images);
+        let (material, mask) = finish(entry.name, entry.two_sided, &loaded, texture, scene.masks.len());
+        scene.materials.push(material);
+        scene.masks.extend(mask);
+    }
+    Ok(())
+}
+
+/// The base-colour texture for outputs, its bytes put into `images`.
+fn keep_texture(
+    loaded: &Loaded,
+    bank: &mut Bank<'_>,
+    images: &mut Vec<isolux_core::scene::Image>,
+) -> Option<Texture> {
+    let (map, _) = loaded.base.as_ref()?;
+    // It was decoded a moment ago; if it cannot be had now, outputs go without.
+    let image = bank.keep(map.image, images).ok()?;
+    Some(Texture { image, factor: loaded.look.base, wrap: map.wrap })
+}
+
+/// A material with the surface that it has by itself, and its mask if it has one.
+fn finish(
+    name: String,
+    two_sided: bool,
+    loaded: &Loaded,
+    texture: Option<Texture>,
+    masks: usize,
+) -> (Material, Option<isolux_core::scene::AlphaMask>) {
+    let mut mask = None;
+    let alpha = loaded.alpha(|found| {
+        mask = Some(found);
+        masks as u32
+    });
+    (Material { name, surface: loaded.surface(|_| None, None), two_sided, alpha, texture }, mask)
+}
+
+/// Averages a material over the triangles of a piece.
+fn dress_piece(piece: &mut Piece<'_>, loaded: &Loaded, material: &str, scene: &mut SceneInput) {
+    for (what, used) in
+        [("base-colour", &loaded.base), ("emissive", &loaded.emission), ("transmission", &loaded.transmission)]
+    {
+        if let Some((map, _)) = used
+            && !piece.has_coordinates(map.set)
+        {
+            let message = format!(
+                "it has no TEXCOORD_{} for the {what} texture of '{material}': the texture's mean counts",
+                map.set
+            );
+            scene.issues.push(issue(Severity::Warning, IssueKind::Assumed, &piece.object, message));
+        }
+    }
+    if let Some((map, _)) = &loaded.base
+        && piece.has_coordinates(map.set)
+    {
+        let corners = |&triangle: &[u32; 3]| piece.coordinates(map.set, triangle);
+        let uv = piece.triangles.iter().filter_map(corners).map(|uv| uv.map(|uv| map.transform.apply(uv)));
+        piece.uv = Some(uv.collect());
+    }
+    if !loaded.is_uniform() || piece.has_colours() {
+        let surface =
+            |&triangle: &[u32; 3]| loaded.surface(|set| piece.coordinates(set, triangle), piece.colour(triangle));
+        piece.surfaces = Some(piece.triangles.iter().map(surface).collect());
+    }
+}
+
+/// Puts the faces of all instances into the scene, in file order.
+fn place(document: &Document<'_>, instances: &[Instance], meshes: &Meshes<'_>, scene: &mut SceneInput) {
+    let default = document.root.materials.len();
+    for instance in instances {
+        let object = scene.objects.len() as u32;
+        scene.objects.push(Object { name: instance.object.clone() });
+        // Corner 0 stays first, so that barycentric coordinates keep their first corner.
+        let order = if nodes::is_mirrored(&instance.world) { [0, 2, 1] } else { [0, 1, 2] };
+        for piece in meshes.get(&instance.mesh).into_iter().flatten() {
+            let material = piece.material.unwrap_or(default) as u32;
+            for (index, triangle) in piece.triangles.iter().enumerate() {
+                scene.faces.push(Face {
+                    object,
+                    material,
+                    corners: order
+                        .map(|corner| instance.world.transform_point3(piece.position(triangle[corner])))
+                        .to_vec(),
+                    uv: piece.uv.as_ref().map(|uv| order.map(|corner| uv[index][corner]).to_vec()),
+                    surface: piece.surfaces.as_ref().map(|surfaces| surfaces[index]),
+                });
+            }
+        }
+    }
+}

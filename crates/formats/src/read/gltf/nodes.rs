@@ -1,0 +1,209 @@
+//! The node hierarchy: transforms are multiplied out, and instances of meshes, cameras and lights come out in
+//! depth-first document order.
+
+use super::container::Document;
+use super::schema::{self, Node};
+use crate::read::error::{ReadError, brief, clean};
+use crate::read::issue;
+use crate::read::names::Names;
+use glam::{DMat3, DMat4, DQuat, DVec3};
+use isolux_core::scene::{Camera, Issue, IssueKind, Projection, Severity};
+
+/// A mesh as a node shows it.
+pub(super) struct Instance {
+    /// Name of the object, unique.
+    pub(super) object: String,
+    /// Number of the mesh.
+    pub(super) mesh: usize,
+    /// From mesh to world.
+    pub(super) world: DMat4,
+}
+
+/// What the nodes of a scene amount to.
+#[derive(Default)]
+pub(super) struct Walk {
+    pub(super) instances: Vec<Instance>,
+    pub(super) cameras: Vec<Camera>,
+    pub(super) issues: Vec<Issue>,
+}
+
+/// Walks the default scene (else the first; else all nodes that are nobody's child).
+pub(super) fn walk(document: &Document<'_>) -> Result<Walk, ReadError> {
+    let root = &document.root;
+    let mut walk = Walk::default();
+    let roots = match (root.scene, root.scenes.first()) {
+        (Some(index), _) => {
+            let scene = root.scenes.get(index).ok_or_else(|| {
+                reference(document, "the file".to_owned(), "scene", index, root.scenes.len())
+            })?;
+            scene.nodes.clone()
+        }
+        (None, Some(first)) => first.nodes.clone(),
+        (None, None) => {
+            let mut is_child = vec![false; root.nodes.len()];
+            for &child in root.nodes.iter().flat_map(|node| &node.children) {
+                if let Some(flag) = is_child.get_mut(child) {
+                    *flag = true;
+                }
+            }
+            (0..root.nodes.len()).filter(|&index| !is_child[index]).collect()
+        }
+    };
+    if root.scenes.len() > 1 {
+        let others = root.scenes.len() - 1;
+        let message = format!("{others} of {} scenes in the file are not read, only the default one", others + 1);
+        walk.issues.push(issue(Severity::Note, IssueKind::Ignored, &document.file, message));
+    }
+
+    let (mut objects, mut cameras) = (Names::default(), Names::default());
+    let mut visited = vec![false; root.nodes.len()];
+    let mut repeated = 0_usize;
+    // Depth-first with a stack of its own: a chain of a million nodes must not end the program's.
+    let mut stack: Vec<(usize, DMat4)> = roots.iter().rev().map(|&index| (index, DMat4::IDENTITY)).collect();
+    while let Some((index, parent)) = stack.pop() {
+        let node = root
+            .nodes
+            .get(index)
+            .ok_or_else(|| reference(document, "the node hierarchy".to_owned(), "node", index, root.nodes.len()))?;
+        if std::mem::replace(&mut visited[index], true) {
+            repeated += 1;
+            continue;
+        }
+        let world = parent * local(node);
+        stack.extend(node.children.iter().rev().map(|&child| (child, world)));
+        if let Some(mesh) = node.mesh {
+            walk.mesh(document, index, mesh, world, &mut objects)?;
+        }
+        if let Some(camera) = node.camera {
+            walk.camera(document, index, camera, world, &mut cameras)?;
+        }
+        if let Some(light) = &node.extensions.light {
+            walk.light(root, index, light.light);
+        }
+    }
+    if repeated > 0 {
+        let message = format!(
+            "nodes are reached on more than one way (a cycle, or two parents) {repeated} times: each counts once"
+        );
+        walk.issues.push(issue(Severity::Warning, IssueKind::Ignored, &document.file, message));
+    }
+    Ok(walk)
+}
+
+impl Walk {
+    fn mesh(
+        &mut self,
+        document: &Document<'_>,
+        index: usize,
+        mesh: usize,
+        world: DMat4,
+        names: &mut Names,
+    ) -> Result<(), ReadError> {
+        let root = &document.root;
+        let node = &root.nodes[index];
+        let data = root
+            .meshes
+            .get(mesh)
+            .ok_or_else(|| reference(document, node_name(root, index), "mesh", mesh, root.meshes.len()))?;
+        let label = [&node.name, &data.name].into_iter().flatten().find(|name| !clean(name).is_empty());
+        let object = names.unique(label.map(String::as_str), || format!("node {index}"));
+        let mut ignored = |severity, what: &str| {
+            self.issues.push(issue(severity, IssueKind::Ignored, &object, what));
+        };
+        if node.skin.is_some() {
+            ignored(Severity::Note, "the skin is ignored: the mesh stands as it was modelled");
+        }
+        if data.primitives.iter().any(|primitive| !primitive.targets.is_empty()) {
+            ignored(Severity::Note, "morph targets are ignored: the mesh stands as it was modelled");
+        }
+        if node.extensions.instancing.is_some() {
+            ignored(Severity::Warning, "EXT_mesh_gpu_instancing is ignored: one instance stands for all");
+        }
+        self.instances.push(Instance { object, mesh, world });
+        Ok(())
+    }
+
+    fn camera(
+        &mut self,
+        document: &Document<'_>,
+        index: usize,
+        camera: usize,
+        world: DMat4,
+        names: &mut Names,
+    ) -> Result<(), ReadError> {
+        let root = &document.root;
+        let data = root
+            .cameras
+            .get(camera)
+            .ok_or_else(|| reference(document, node_name(root, index), "camera", camera, root.cameras.len()))?;
+        let label = [&root.nodes[index].name, &data.name].into_iter().flatten().find(|name| !clean(name).is_empty());
+        let name = names.unique(label.map(String::as_str), || format!("camera {camera}"));
+        let projection = match (&data.perspective, &data.orthographic) {
+            (Some(perspective), _) => Some(Projection::Perspective { vertical_angle: perspective.yfov }),
+            (None, Some(orthographic)) => Some(Projection::Orthographic { height: 2.0 * orthographic.ymag }),
+            (None, None) => None,
+        };
+        // A camera looks along -z, y up; scale has no meaning for it.
+        let forward = (-world.z_axis.truncate()).try_normalize();
+        let up = forward.and_then(|forward| world.y_axis.truncate().reject_from_normalized(forward).try_normalize());
+        match (projection, forward, up) {
+            (Some(projection), Some(forward), Some(up)) => {
+                self.cameras.push(Camera { name, eye: world.w_axis.truncate(), forward, up, projection });
+            }
+            _ => {
+                let message = "the camera is ignored: it has no projection, or no direction";
+                self.issues.push(issue(Severity::Warning, IssueKind::Ignored, &name, message));
+            }
+        }
+        Ok(())
+    }
+
+    fn light(&mut self, root: &schema::Root, index: usize, light: usize) {
+        let data = root.extensions.lights.as_ref().and_then(|lights| lights.lights.get(light));
+        let label = [root.nodes[index].name.as_ref(), data.and_then(|light| light.name.as_ref())];
+        let name = label.into_iter().flatten().find(|name| !clean(name).is_empty()).cloned();
+        let name = name.unwrap_or_else(|| format!("light {light}"));
+        let kind = data.map_or("unknown", |light| light.kind.as_str());
+        let message = format!("{} light of KHR_lights_punctual is ignored: only surfaces emit", brief(kind));
+        self.issues.push(issue(Severity::Warning, IssueKind::Ignored, &name, message));
+    }
+}
+
+/// Transform of a node to its parent.
+fn local(node: &Node) -> DMat4 {
+    if let Some(matrix) = node.matrix {
+        return DMat4::from_cols_array(&matrix);
+    }
+    let rotation = node.rotation.map_or(DQuat::IDENTITY, |q| {
+        let quaternion = DQuat::from_array(q);
+        // Rounded to f32 in the file, or zero in a hostile one.
+        let length = quaternion.length();
+        if length > 0.0 && length.is_finite() { quaternion / length } else { DQuat::IDENTITY }
+    });
+    let scale = node.scale.map_or(DVec3::ONE, DVec3::from_array);
+    let translation = node.translation.map_or(DVec3::ZERO, DVec3::from_array);
+    DMat4::from_scale_rotation_translation(scale, rotation, translation)
+}
+
+/// Does a transform turn triangles inside out?
+pub(super) fn is_mirrored(world: &DMat4) -> bool {
+    DMat3::from_mat4(*world).determinant() < 0.0
+}
+
+fn node_name(root: &schema::Root, index: usize) -> String {
+    match &root.nodes[index].name {
+        Some(name) => format!("node '{}'", brief(name)),
+        None => format!("node {index}"),
+    }
+}
+
+/// The error for an index past a table's end.
+pub(super) fn reference(
+    document: &Document<'_>,
+    owner: String,
+    what: &'static str,
+    index: usize,
+    count: usize,
+) -> ReadError {
+    ReadError::Reference { file: document.file.clone(), owner, what, index, count }
+}
