@@ -22,7 +22,7 @@ def floats(name: str, value: ArrayLike) -> NDArray[np.float64]:
         array: NDArray[Any] = np.asarray(value)
         if array.dtype.kind not in "fiub":
             raise TypeError(f"got {array.dtype}")  # noqa: TRY301
-        return np.ascontiguousarray(array, dtype=np.float64)
+        return np.asarray(array, dtype=np.float64, order="C")
     except (TypeError, ValueError) as error:
         raise ValueError(f"{name}: expected an array of real numbers: {_one_line(error)}") from None
 
@@ -39,7 +39,7 @@ def integers(name: str, value: ArrayLike) -> NDArray[np.int64]:
         array: NDArray[Any] = np.asarray(value)
         if array.dtype.kind not in "iu" and array.size:
             raise TypeError(f"got {array.dtype}")  # noqa: TRY301
-        return np.ascontiguousarray(array, dtype=np.int64)
+        return np.asarray(array, dtype=np.int64, order="C")
     except (TypeError, ValueError) as error:
         raise ValueError(f"{name}: expected an array of integers: {_one_line(error)}") from None
 

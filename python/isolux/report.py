@@ -161,8 +161,10 @@ class Report:
     links: LinkReport
     counts: Counts
     iterations: tuple[IterationReport, ...]
-    energy: Energy
-    row_sum: RowSum
+    #: None for a cancelled solve.
+    energy: Energy | None
+    #: None for a cancelled solve.
+    row_sum: RowSum | None
     phases: tuple[PhaseReport, ...]
     #: Peak memory of the process, bytes; 0 where the system does not tell.
     peak_memory: int
@@ -183,11 +185,13 @@ class Report:
             IterationReport(**{**entry, "total": _bands(entry["total"]), "residual": _number(entry["residual"])})
             for entry in values["iterations"]
         )
-        energy = dict(values["energy"])
-        for name in ("emitted", "absorbed", "escaped", "lost_to_backs"):
-            energy[name] = _bands(energy[name])
-        values["energy"] = Energy(**{**energy, "imbalance": _number(energy["imbalance"])})
-        values["row_sum"] = RowSum(**values["row_sum"])
+        if values["energy"] is not None:
+            energy = dict(values["energy"])
+            for name in ("emitted", "absorbed", "escaped", "lost_to_backs"):
+                energy[name] = _bands(energy[name])
+            values["energy"] = Energy(**energy)
+        if values["row_sum"] is not None:
+            values["row_sum"] = RowSum(**values["row_sum"])
         values["phases"] = tuple(PhaseReport(**entry) for entry in values["phases"])
         values["issues"] = tuple(Issue(**entry) for entry in values["issues"])
         return cls(**values)

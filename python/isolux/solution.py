@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from isolux import _isolux
 from isolux._arrays import floats, integers
-from isolux.exceptions import Cancelled, SettingsError, WriteError
+from isolux.exceptions import Cancelled, SettingsError
 from isolux.report import Report
 from isolux.scene import Scene
 from isolux.settings import Quality, Settings
@@ -156,13 +157,15 @@ class Solution:
         path
             Where to; its suffix says what.
         exposure
-            Factor from radiosity to vertex colour, for GLB and PLY; None chooses one that shows the scene's mean
-            brightness as mid-grey. The raw values are written beside it in any case.
+            Factor from radiance to displayed value; None stands for `exposure`. The raw values are in the file in any
+            case.
 
         Raises
         ------
         WriteError
             Naming the file and the reason.
+        RenderError
+            Where the exposure is no positive number.
         """
         self._inner.bake(Path(path), exposure)
 
@@ -200,7 +203,7 @@ class Solution:
         Returns
         -------
         numpy.ndarray
-            (height, width, 3) linear radiance, W/m²/sr or cd/m². `isolux.write_image` makes a file of it.
+            (height, width, 3) linear radiance, W/m²/sr or cd/m². `write_image` makes a file of it.
 
         Raises
         ------
@@ -212,12 +215,42 @@ class Solution:
             camera=camera,
             eye=None if eye is None else _point("eye", eye),
             at=None if at is None else _point("at", at),
-            vertical_angle=vertical_angle,
+            vertical_angle=math.radians(vertical_angle),
             size=(width, height),
             samples_per_side=samples,
             threads=threads,
             progress=progress,
         )
+
+    def write_image(
+        self, path: str | os.PathLike[str], picture: ArrayLike, *, exposure: float | None = None
+    ) -> None:
+        """Write a picture of `render` as ``.png`` (tone-mapped) or ``.exr`` (linear, as it is).
+
+        Parameters
+        ----------
+        path
+            Where to; its suffix says what.
+        picture
+            (height, width, 3) linear radiance.
+        exposure
+            Factor on radiance before tone mapping, for PNG; None stands for `exposure`.
+
+        Raises
+        ------
+        WriteError
+            Naming the file and the reason.
+        RenderError
+            Where the exposure is no positive number.
+        ValueError
+            Where the shape is wrong.
+        """
+        self._inner.write_image(Path(path), floats("picture", picture), exposure)
+
+    @property
+    def exposure(self) -> float:
+        """The factor on radiance that shows the scene at middle brightness."""
+        return self._inner.exposure
 
     def _group(self, group: str) -> Arrays:
         if not self._groups:
@@ -311,28 +344,6 @@ def open_solution(path: str | os.PathLike[str]) -> Solution:
     from isolux.io import solution_file  # noqa: PLC0415
 
     return Solution._wrap(solution_file.read(Path(path)))
-
-
-def write_image(path: str | os.PathLike[str], picture: ArrayLike, *, exposure: float | None = None) -> None:
-    """Write a picture as ``.png`` (tone-mapped) or ``.exr`` (linear, as it is).
-
-    Parameters
-    ----------
-    path
-        Where to; its suffix says what.
-    picture
-        (height, width, 3) linear radiance, from `Solution.render`.
-    exposure
-        Factor on radiance before tone mapping, for PNG; None chooses one that shows the mean as mid-grey.
-
-    Raises
-    ------
-    WriteError
-        Naming the file and the reason.
-    ValueError
-        Where the shape is wrong.
-    """
-    _isolux.write_image(Path(path), floats("picture", picture), exposure)
 
 
 def _point(name: str, value: Sequence[float]) -> tuple[float, float, float]:

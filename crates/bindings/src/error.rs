@@ -3,6 +3,8 @@
 
 use isolux::core::scene::SceneError as CoreSceneError;
 use isolux::core::scene::SceneViolation;
+use isolux::formats::read::ReadError as FormatsReadError;
+use isolux::formats::write::WriteError as FormatsWriteError;
 use isolux::{RecordError, RenderError as FacadeRenderError, SettingsError as FacadeSettingsError, SolveError};
 use pyo3::import_exception;
 use pyo3::prelude::*;
@@ -10,10 +12,12 @@ use pyo3::types::PyList;
 
 import_exception!(isolux.exceptions, InternalError);
 import_exception!(isolux.exceptions, NoLightError);
+import_exception!(isolux.exceptions, ReadError);
 import_exception!(isolux.exceptions, RenderError);
 import_exception!(isolux.exceptions, SceneError);
 import_exception!(isolux.exceptions, SettingsError);
 import_exception!(isolux.exceptions, SolutionFileError);
+import_exception!(isolux.exceptions, WriteError);
 
 /// An error with its place in Python.
 pub(crate) trait PythonError {
@@ -92,11 +96,49 @@ impl PythonError for FacadeRenderError {
     }
 }
 
+impl PythonError for FormatsReadError {
+    fn exception(self) -> PyErr {
+        let message = self.to_string();
+        match self {
+            FormatsReadError::Io { .. }
+            | FormatsReadError::UnknownFormat { .. }
+            | FormatsReadError::Malformed { .. }
+            | FormatsReadError::Unsupported { .. }
+            | FormatsReadError::Buffer { .. }
+            | FormatsReadError::Accessor { .. }
+            | FormatsReadError::Index { .. }
+            | FormatsReadError::Reference { .. }
+            | FormatsReadError::Syntax { .. }
+            | FormatsReadError::TooLarge { .. } => ReadError::new_err(message),
+        }
+    }
+}
+
+impl PythonError for FormatsWriteError {
+    fn exception(self) -> PyErr {
+        let message = self.to_string();
+        match self {
+            FormatsWriteError::Empty { .. }
+            | FormatsWriteError::NotFinite { .. }
+            | FormatsWriteError::ImageType { .. }
+            | FormatsWriteError::TooLarge { .. }
+            | FormatsWriteError::PictureSize { .. }
+            | FormatsWriteError::Pixel { .. }
+            | FormatsWriteError::Encode { .. }
+            | FormatsWriteError::File { .. } => WriteError::new_err(message),
+            FormatsWriteError::Exposure { .. } | FormatsWriteError::White { .. } => RenderError::new_err(message),
+            // Scene and mesh come from one solution: they fit, or the program is wrong.
+            FormatsWriteError::Mismatch { .. } | FormatsWriteError::OutOfRange { .. } => internal(message),
+        }
+    }
+}
+
 /// One exception of every variant, as `(variant, exception)`: the tests look at each class and message.
 #[pyfunction]
 #[pyo3(name = "_error_samples")]
 pub(crate) fn error_samples(py: Python<'_>) -> PyResult<Bound<'_, PyList>> {
     let object = || String::from("lamp");
+    let file = || String::from("room.glb");
     let settings = || FacadeSettingsError { name: "error", value: "-1".into(), expected: "a number above 0" };
     let samples: Vec<(&str, PyErr)> = vec![
         ("SettingsError", settings().exception()),
@@ -139,6 +181,90 @@ pub(crate) fn error_samples(py: Python<'_>) -> PyResult<Bound<'_, PyList>> {
         ),
         ("RenderError::View", FacadeRenderError::View { what: "eye and target coincide".into() }.exception()),
         ("RenderError::Cancelled", FacadeRenderError::Cancelled.exception()),
+        ("ReadError::Io", FormatsReadError::Io { file: file(), reason: "no such file".into() }.exception()),
+        (
+            "ReadError::UnknownFormat",
+            FormatsReadError::UnknownFormat { file: file(), found: ".xyz".into() }.exception(),
+        ),
+        (
+            "ReadError::Malformed",
+            FormatsReadError::Malformed { file: file(), format: "GLB", reason: "wrong magic".into() }.exception(),
+        ),
+        (
+            "ReadError::Unsupported",
+            FormatsReadError::Unsupported { file: file(), what: "glTF 1.0".into(), remedy: "export as 2.0".into() }
+                .exception(),
+        ),
+        (
+            "ReadError::Buffer",
+            FormatsReadError::Buffer { file: file(), buffer: "buffer 0".into(), reason: "is missing".into() }
+                .exception(),
+        ),
+        (
+            "ReadError::Accessor",
+            FormatsReadError::Accessor {
+                file: file(),
+                object: object(),
+                what: "POSITION (accessor 3)".into(),
+                reason: "ends beyond its buffer".into(),
+            }
+            .exception(),
+        ),
+        (
+            "ReadError::Index",
+            FormatsReadError::Index { file: file(), object: object(), face: 3, what: "vertex", index: 9, count: 4 }
+                .exception(),
+        ),
+        (
+            "ReadError::Reference",
+            FormatsReadError::Reference { file: file(), owner: "node 'lamp'".into(), what: "mesh", index: 9, count: 4 }
+                .exception(),
+        ),
+        (
+            "ReadError::Syntax",
+            FormatsReadError::Syntax { file: file(), line: 12, reason: "no number".into() }.exception(),
+        ),
+        (
+            "ReadError::TooLarge",
+            FormatsReadError::TooLarge { file: file(), object: object(), what: "faces", count: 20, limit: 10 }
+                .exception(),
+        ),
+        ("WriteError::Empty", FormatsWriteError::Empty { scene: "cave".into() }.exception()),
+        (
+            "WriteError::Mismatch",
+            FormatsWriteError::Mismatch { scene: "cave".into(), what: "number of vertices", found: 3, expected: 4 }
+                .exception(),
+        ),
+        (
+            "WriteError::OutOfRange",
+            FormatsWriteError::OutOfRange { what: "image", name: "paint".into(), index: 9, count: 4 }.exception(),
+        ),
+        (
+            "WriteError::NotFinite",
+            FormatsWriteError::NotFinite { what: "radiosity", name: "lamp".into(), value: f64::INFINITY }.exception(),
+        ),
+        ("WriteError::Exposure", FormatsWriteError::Exposure { exposure: -1.0 }.exception()),
+        ("WriteError::White", FormatsWriteError::White { white: 0.0 }.exception()),
+        (
+            "WriteError::ImageType",
+            FormatsWriteError::ImageType { image: "wood".into(), mime: "image/gif".into() }.exception(),
+        ),
+        (
+            "WriteError::TooLarge",
+            FormatsWriteError::TooLarge { what: "vertices", found: 20, limit: 10, format: "PLY" }.exception(),
+        ),
+        ("WriteError::PictureSize", FormatsWriteError::PictureSize { width: 4, height: 3, pixels: 11 }.exception()),
+        ("WriteError::Pixel", FormatsWriteError::Pixel { x: 2, y: 1, value: [f64::NAN, 0.0, 0.0] }.exception()),
+        ("WriteError::Encode", FormatsWriteError::Encode { format: "EXR", message: "no pixels".into() }.exception()),
+        (
+            "WriteError::File",
+            FormatsWriteError::File {
+                path: "lit.glb".into(),
+                action: "write",
+                source: std::io::ErrorKind::StorageFull.into(),
+            }
+            .exception(),
+        ),
     ];
     PyList::new(py, samples.into_iter().map(|(variant, error)| (variant, error.into_value(py))))
 }

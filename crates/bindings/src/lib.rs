@@ -23,7 +23,7 @@ mod _isolux {
     #[pymodule_export]
     use crate::settings::{default_settings, quality_error, validate_settings};
     #[pymodule_export]
-    use crate::solution::{Solution, solve};
+    use crate::solution::{Solution, solve, write_aside};
 
     use pyo3::prelude::*;
 

@@ -6,12 +6,14 @@ use crate::panics::guarded;
 use isolux::core::DVec3;
 use isolux::core::scene::{Alpha, BuildOptions, Face, Material, Object, Scene as CoreScene, SceneInput, Surface};
 use isolux::core::units::Rgb;
+use isolux::formats::read::{ReadOptions, read};
 use numpy::PyReadonlyArrayDyn;
 use numpy::prelude::*;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::PyDict;
+use std::path::PathBuf;
 use std::sync::Arc;
 
 /// A validated scene.
@@ -37,6 +39,16 @@ type MaterialTuple = (String, [f64; 3], [f64; 3], bool, f64);
 
 #[pymethods]
 impl Scene {
+    /// A scene from a file: glTF or OBJ.
+    #[staticmethod]
+    fn load(py: Python<'_>, path: PathBuf, metres_per_unit: Option<f64>, emission_scale: f64) -> PyResult<Scene> {
+        let options = ReadOptions { metres_per_unit, emission_scale };
+        let input = guarded(py, || read(&path, &options))?.map_err(to_python)?;
+        let scene = guarded(py, || CoreScene::build(input, &BuildOptions::default()))?
+            .map_err(|error| SceneError::new_err(format!("{}: {error}", path.display())))?;
+        Ok(Scene::new(Arc::new(scene)))
+    }
+
     /// A scene from arrays. A row of `faces` with -1 in its fourth column is a triangle.
     #[staticmethod]
     #[pyo3(signature = (name, vertices, faces, materials, face_materials, names, face_objects, metres_per_unit))]
@@ -94,6 +106,11 @@ impl Scene {
             })
             .collect();
         Scene::build(py, input)
+    }
+
+    /// Raises InternalError where an invariant of the scene is broken.
+    fn check(&self, py: Python<'_>) -> PyResult<()> {
+        guarded(py, || Ok::<(), isolux::core::scene::SceneViolation>(()))?.map_err(to_python)
     }
 
     /// Name of the scene.

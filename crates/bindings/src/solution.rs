@@ -1,17 +1,21 @@
-//! Solving, and asking a solution.
+//! Solving, and asking a solution: settings and points come in, values, pictures and files go out.
 
-use crate::array::{coordinates, entries, from_record_array, read_only, rows, same_length, to_record_array};
-use crate::error::{SolutionFileError, internal, to_python};
+use crate::array::{
+    coordinates, entries, from_record_array, read_only, rows, same_length, to_record_array, wrong_shape,
+};
+use crate::error::{SolutionFileError, WriteError, internal, to_python};
 use crate::observer::PythonObserver;
 use crate::panics::guarded;
 use crate::scene::Scene;
 use isolux::core::DVec3;
 use isolux::core::units::Rgb;
+use isolux::formats::write::{self, GlbOptions, Picture, PngOptions, Provenance, ToneMap};
 use isolux::{Record, RenderSettings, Solution as FacadeSolution, View};
 use numpy::PyReadonlyArrayDyn;
 use pyo3::exceptions::{PyIndexError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use std::path::{Path, PathBuf};
 
 /// Barycentric coordinates may miss a sum of 1 by this: single precision misses it by 2e-7, a forgotten coordinate by
 /// its own size.
@@ -116,6 +120,70 @@ impl Solution {
         Ok(Solution { inner })
     }
 
+    /// The exposure that shows the scene at middle brightness.
+    #[getter]
+    fn exposure(&self, py: Python<'_>) -> PyResult<f64> {
+        guarded(py, || write::auto_exposure(self.inner.mesh(), self.inner.scene()))
+    }
+
+    /// Writes the lit surfaces; the suffix of `path` (.glb, .ply, .vtu) says how.
+    #[pyo3(signature = (path, exposure=None))]
+    fn bake(&self, py: Python<'_>, path: PathBuf, exposure: Option<f64>) -> PyResult<()> {
+        let (scene, mesh) = (self.inner.scene(), self.inner.mesh());
+        let suffix = suffix(&path);
+        guarded(py, || {
+            let factor = || exposure.unwrap_or_else(|| write::auto_exposure(mesh, scene));
+            let provenance = self.provenance();
+            let bytes = match suffix.as_str() {
+                "glb" => write::glb(scene, mesh, &GlbOptions { exposure, provenance })?,
+                "ply" => write::ply(scene, mesh, factor(), &provenance)?,
+                "vtu" => write::vtu(scene, mesh, factor(), &provenance)?,
+                _ => return Ok(false),
+            };
+            write::write_aside(&path, &bytes).map(|()| true)
+        })?
+        .map_err(to_python)
+        .and_then(|known| if known { Ok(()) } else { Err(unknown_suffix(&path, ".glb, .ply or .vtu")) })
+    }
+
+    /// Writes a picture of (height, width, 3) linear radiance; the suffix of `path` (.png, .exr) says how.
+    #[pyo3(signature = (path, picture, exposure=None))]
+    fn write_image(
+        &self,
+        py: Python<'_>,
+        path: PathBuf,
+        picture: PyReadonlyArrayDyn<'_, f64>,
+        exposure: Option<f64>,
+    ) -> PyResult<()> {
+        let view = picture.as_array();
+        let &[height, width, 3] = view.shape() else {
+            return Err(wrong_shape("picture", "(height, width, 3)", view.shape()));
+        };
+        let too_large = |_| PyValueError::new_err(format!("picture: {width} x {height} pixels are too many"));
+        let values: Vec<f64> = view.iter().copied().collect();
+        let picture = Picture {
+            width: width.try_into().map_err(too_large)?,
+            height: height.try_into().map_err(too_large)?,
+            pixels: values.as_chunks::<3>().0.iter().map(|&pixel| Rgb(pixel)).collect(),
+        };
+        let suffix = suffix(&path);
+        guarded(py, || {
+            let provenance = self.provenance();
+            let bytes = match suffix.as_str() {
+                "png" => {
+                    let exposure =
+                        exposure.unwrap_or_else(|| write::auto_exposure(self.inner.mesh(), self.inner.scene()));
+                    write::png(&picture, &PngOptions { exposure, tone: ToneMap::default(), provenance })?
+                }
+                "exr" => write::exr(&picture, &provenance)?,
+                _ => return Ok(false),
+            };
+            write::write_aside(&path, &bytes).map(|()| true)
+        })?
+        .map_err(to_python)
+        .and_then(|known| if known { Ok(()) } else { Err(unknown_suffix(&path, ".png or .exr")) })
+    }
+
     /// Draws linear radiance: (height, width, 3).
     #[pyo3(signature = (camera, eye, at, vertical_angle, size, samples_per_side, threads, progress=None))]
     #[expect(clippy::too_many_arguments, reason = "one argument per choice; Python passes them by name")]
@@ -154,7 +222,33 @@ impl Solution {
     }
 }
 
+/// Writes a file whole or not at all.
+#[pyfunction]
+pub(crate) fn write_aside(py: Python<'_>, path: PathBuf, contents: &[u8]) -> PyResult<()> {
+    guarded(py, || write::write_aside(&path, contents))?.map_err(to_python)
+}
+
+/// The suffix of a path in lower case, without its dot.
+fn suffix(path: &Path) -> String {
+    path.extension().map(|suffix| suffix.to_string_lossy().to_lowercase()).unwrap_or_default()
+}
+
+fn unknown_suffix(path: &Path, known: &str) -> PyErr {
+    WriteError::new_err(format!("{}: expected a name that ends in {known}", path.display()))
+}
+
 impl Solution {
+    /// Where the numbers come from.
+    fn provenance(&self) -> Provenance {
+        let report = self.inner.report();
+        Provenance {
+            // Settings hold nothing that JSON cannot.
+            settings: serde_json::to_string(&report.settings).unwrap_or_default(),
+            seed: report.settings.seed,
+            ..Provenance::of(self.inner.scene())
+        }
+    }
+
     /// Looks up one value per row of `face` and `barycentric`.
     fn at<'py>(
         &self,

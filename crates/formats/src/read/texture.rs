@@ -204,8 +204,7 @@ impl Grid {
             let ends = [along(a, c), if y < b.y { along(a, b) } else { along(b, c) }];
             let (low, high) = (ends[0].min(ends[1]), ends[0].max(ends[1]));
             let row = wrapped(y.floor(), self.height, wrap[1]);
-            let span =
-                axpy(-1.0, self.antiderivative(row, low, wrap[0]), self.antiderivative(row, high, wrap[0]));
+            let span = axpy(-1.0, self.antiderivative(row, low, wrap[0]), self.antiderivative(row, high, wrap[0]));
             sum = axpy(height, span, sum);
             area += height * (high - low);
         };

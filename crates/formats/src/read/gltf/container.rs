@@ -67,10 +67,8 @@ impl Document<'_> {
     pub(super) fn view(&self, index: usize) -> Result<(&BufferView, &[u8]), String> {
         let views = &self.root.buffer_views;
         let view = views.get(index).ok_or_else(|| out_of_range("buffer view", index, views.len()))?;
-        let buffer = self
-            .buffers
-            .get(view.buffer)
-            .ok_or_else(|| out_of_range("buffer", view.buffer, self.buffers.len()))?;
+        let buffer =
+            self.buffers.get(view.buffer).ok_or_else(|| out_of_range("buffer", view.buffer, self.buffers.len()))?;
         let end = view.byte_offset.checked_add(view.byte_length);
         let bytes = end.and_then(|end| buffer.get(view.byte_offset..end)).ok_or_else(|| {
             format!(
@@ -111,9 +109,9 @@ fn split(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), String> {
         let (header, after) = rest.split_at(CHUNK_HEADER);
         let length = word(header) as usize;
         let kind = &header[4..];
-        let chunk = after.get(..length).ok_or_else(|| {
-            format!("truncated: a chunk claims {length} bytes where {} are left", after.len())
-        })?;
+        let chunk = after
+            .get(..length)
+            .ok_or_else(|| format!("truncated: a chunk claims {length} bytes where {} are left", after.len()))?;
         if json.is_none() {
             if kind != JSON {
                 return Err("the first chunk is not JSON".to_owned());

@@ -169,13 +169,7 @@ fn open_primitive<'a>(
 
 /// The error past [`MAX_FACES`].
 pub(super) fn too_many(document: &Document<'_>, object: &str, count: usize) -> ReadError {
-    ReadError::TooLarge {
-        file: document.file.clone(),
-        object: brief(object),
-        what: "faces",
-        count,
-        limit: MAX_FACES,
-    }
+    ReadError::TooLarge { file: document.file.clone(), object: brief(object), what: "faces", count, limit: MAX_FACES }
 }
 
 impl Piece<'_> {

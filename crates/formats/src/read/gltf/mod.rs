@@ -115,11 +115,7 @@ fn dress(
 }
 
 /// The base-colour texture for outputs, its bytes put into `images`.
-fn keep_texture(
-    loaded: &Loaded,
-    bank: &mut Bank<'_>,
-    images: &mut Vec<isolux_core::scene::Image>,
-) -> Option<Texture> {
+fn keep_texture(loaded: &Loaded, bank: &mut Bank<'_>, images: &mut Vec<isolux_core::scene::Image>) -> Option<Texture> {
     let (map, _) = loaded.base.as_ref()?;
     // It was decoded a moment ago; if it cannot be had now, outputs go without.
     let image = bank.keep(map.image, images).ok()?;

@@ -33,9 +33,10 @@ pub(super) fn walk(document: &Document<'_>) -> Result<Walk, ReadError> {
     let mut walk = Walk::default();
     let roots = match (root.scene, root.scenes.first()) {
         (Some(index), _) => {
-            let scene = root.scenes.get(index).ok_or_else(|| {
-                reference(document, "the file".to_owned(), "scene", index, root.scenes.len())
-            })?;
+            let scene = root
+                .scenes
+                .get(index)
+                .ok_or_else(|| reference(document, "the file".to_owned(), "scene", index, root.scenes.len()))?;
             scene.nodes.clone()
         }
         (None, Some(first)) => first.nodes.clone(),
