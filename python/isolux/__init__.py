@@ -17,8 +17,8 @@ from isolux.solution import open_solution as open  # noqa: A004
 
 __all__ = [
     "Cancelled",
-    "Issue",
     "IsoluxError",
+    "Issue",
     "Light",
     "Material",
     "Progress",

@@ -2,14 +2,14 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Literal, final
+from typing import Any, Literal, TypeAlias, final
 
 import numpy as np
 from numpy.typing import NDArray
 
-_Bands = tuple[float, float, float]
-_MaterialTuple = tuple[str, _Bands, _Bands, bool, float]
-_Arrays = dict[str, NDArray[Any]]
+_Bands: TypeAlias = tuple[float, float, float]
+_MaterialTuple: TypeAlias = tuple[str, _Bands, _Bands, bool, float]
+_Arrays: TypeAlias = dict[str, NDArray[Any]]
 
 __version__: str
 
@@ -93,10 +93,16 @@ class Solution:
     @property
     def exposure(self) -> float: ...
     def mesh(self) -> _Arrays: ...
-    def radiosity_at(self, face: NDArray[np.int64], barycentric: NDArray[np.float64]) -> NDArray[np.float64]: ...
-    def irradiance_at(self, face: NDArray[np.int64], barycentric: NDArray[np.float64]) -> NDArray[np.float64]: ...
+    def radiosity_at(
+        self, face: NDArray[np.int64], barycentric: NDArray[np.float64]
+    ) -> NDArray[np.float64]: ...
+    def irradiance_at(
+        self, face: NDArray[np.int64], barycentric: NDArray[np.float64]
+    ) -> NDArray[np.float64]: ...
     def bake(self, path: Path, exposure: float | None = None) -> None: ...
-    def write_image(self, path: Path, picture: NDArray[np.float64], exposure: float | None = None) -> None: ...
+    def write_image(
+        self, path: Path, picture: NDArray[np.float64], exposure: float | None = None
+    ) -> None: ...
     def render(
         self,
         camera: str | None,

@@ -65,7 +65,7 @@ class InternalError(IsoluxError):
     """An invariant is broken: a defect of isolux, worth reporting."""
 
 
-class Cancelled(KeyboardInterrupt):  # noqa: N818
+class Cancelled(KeyboardInterrupt):
     """A solve was stopped by Ctrl-C, or by its progress callback.
 
     Attributes

@@ -182,7 +182,9 @@ class Report:
         values["links"] = LinkReport(**values["links"])
         values["counts"] = Counts(**values["counts"])
         values["iterations"] = tuple(
-            IterationReport(**{**entry, "total": _bands(entry["total"]), "residual": _number(entry["residual"])})
+            IterationReport(
+                **{**entry, "total": _bands(entry["total"]), "residual": _number(entry["residual"])}
+            )
             for entry in values["iterations"]
         )
         if values["energy"] is not None:

@@ -148,14 +148,23 @@ class Scene:
         """
         corners = integers("faces", faces)
         count = corners.shape[0] if corners.ndim else 0
-        made = [_material(entry, row) for row, entry in enumerate([Material("default")] if materials is None else materials)]
+        made = [
+            _material(entry, row)
+            for row, entry in enumerate([Material("default")] if materials is None else materials)
+        ]
         if face_materials is None:
             if len(made) != 1:
                 raise ValueError(f"face_materials is needed, because there are {len(made)} materials")
             material_rows: NDArray[np.int64] = np.zeros(count, np.int64)
         else:
             material_rows = integers("face_materials", face_materials)
-        listed = ["object"] if names is None else [names] if isinstance(names, str) else [str(entry) for entry in names]
+        listed = (
+            ["object"]
+            if names is None
+            else [names]
+            if isinstance(names, str)
+            else [str(entry) for entry in names]
+        )
         if face_objects is not None:
             object_rows = integers("face_objects", face_objects)
         elif len(listed) == 1:
@@ -265,7 +274,9 @@ class Scene:
         return f"<isolux.Scene '{self.name}': {polygons.fronts} polygons, {len(self.lights)} lights>"
 
 
-def load(path: str | os.PathLike[str], *, metres_per_unit: float | None = None, emission_scale: float = 1.0) -> Scene:
+def load(
+    path: str | os.PathLike[str], *, metres_per_unit: float | None = None, emission_scale: float = 1.0
+) -> Scene:
     """Read a scene from a file.
 
     Parameters

@@ -109,7 +109,9 @@ class Settings:
         try:
             return int(text)
         except ValueError:
-            raise SettingsError(f"setting 'order' is \"{self.order}\": expected an integer after 'random:'") from None
+            raise SettingsError(
+                f"setting 'order' is \"{self.order}\": expected an integer after 'random:'"
+            ) from None
 
     def _to_json(self) -> str:
         values = self.to_dict()

@@ -319,7 +319,9 @@ def solve(
     """
     if quality is not None:
         if error is not None:
-            raise SettingsError(f"setting 'quality' is \"{quality}\", but 'error' is {error}: give one of them")
+            raise SettingsError(
+                f"setting 'quality' is \"{quality}\", but 'error' is {error}: give one of them"
+            )
         error = _isolux.quality_error(quality)
     given = {"error": error, "threads": threads, "seed": seed, "max_iterations": max_iterations}
     changes: dict[str, Any] = {name: value for name, value in given.items() if value is not None}

@@ -54,7 +54,9 @@ def write(path: Path, attributes: str, arrays: Mapping[str, NDArray[Any]], scene
         text = np.frombuffer(attributes.encode(), np.uint8)
         for name, array in [(_JSON, text), *arrays.items()]:
             filters = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
-            dataset = file.create_dataset(name, data=array, **(filters if array.nbytes >= _COMPRESSED_FROM else {}))
+            dataset = file.create_dataset(
+                name, data=array, **(filters if array.nbytes >= _COMPRESSED_FROM else {})
+            )
             dataset.attrs["crc32"] = _checksum(array)
         file.flush()
         image: bytes = file.id.get_file_image()
@@ -122,7 +124,11 @@ def _check_attributes(file: h5py.File) -> None:
     if found != FORMAT:
         raise SolutionFileError(
             "an HDF5 file, but not a solution: "
-            + ("the attribute 'format' is missing" if found is None else f"the attribute 'format' is {found!r}")
+            + (
+                "the attribute 'format' is missing"
+                if found is None
+                else f"the attribute 'format' is {found!r}"
+            )
         )
     version = file.attrs.get("format_version")
     if version != FORMAT_VERSION:
