@@ -71,8 +71,8 @@ class Cancelled(KeyboardInterrupt):
     Attributes
     ----------
     solution
-        What stood when it was stopped: consistent, but unfinished (its report's status is ``"cancelled"``). None where
-        a callback raised ``Cancelled()`` itself and it has not passed through `isolux.solve` yet.
+        What stood when it was stopped: consistent, but unfinished (its report's status is ``"cancelled"``).
+        None where a callback raised ``Cancelled()`` itself and it has not passed through `isolux.solve` yet.
     """
 
     solution: Solution | None

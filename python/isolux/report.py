@@ -94,7 +94,7 @@ class Energy:
 
 @dataclasses.dataclass(frozen=True)
 class RowSum:
-    """Sums of form factor times visibility over the links of a leaf and its ancestors: 1 in a closed scene."""
+    """Sums of form factor times visibility over the links of a leaf and its ancestors, 1 where closed."""
 
     largest: float
     largest_object: str

@@ -123,13 +123,13 @@ class Scene:
         vertices
             (n, 3) coordinates in units of `metres_per_unit`; +Y is up.
         faces
-            (m, 3) triangles or (m, 4) quadrilaterals as rows of `vertices`, counter-clockwise seen from the front. A
-            row of four that ends in -1 is a triangle.
+            (m, 3) triangles or (m, 4) quadrilaterals as rows of `vertices`, counter-clockwise seen from the
+            front. A row of four that ends in -1 is a triangle.
         materials
             `Material` objects, or dicts with their fields. Default: one that reflects half of what arrives.
         names
-            Names of the objects that `face_objects` counts; without `face_objects`, one name for all faces or one per
-            face (equal names are one object).
+            Names of the objects that `face_objects` counts; without `face_objects`, one name for all faces or
+            one per face (equal names are one object).
         face_materials
             (m,) index into `materials`; may be left out where there is one material.
         face_objects
@@ -175,7 +175,7 @@ class Scene:
             listed = list(numbers)
         else:
             raise ValueError(
-                f"names has {len(listed)} names for {count} faces: give one, one per face, or face_objects, too"
+                f"names has {len(listed)} names for {count} faces: give one, one per face, or face_objects"
             )
         return cls._wrap(
             _isolux.Scene.from_arrays(
@@ -202,7 +202,7 @@ class Scene:
 
     @property
     def triangles(self) -> NDArray[np.float64]:
-        """(n, 3, 3) corners of the input triangles in file order, metres; the row is the face index; read-only.
+        """(n, 3, 3) corners of the input triangles in file order, metres; row = face index; read-only.
 
         A quadrilateral face counts as two triangles, of its corners (0, 1, 2) and (0, 2, 3).
         """
@@ -210,7 +210,7 @@ class Scene:
 
     @property
     def triangle_objects(self) -> NDArray[np.int64]:
-        """(n,) index into `objects` of each input triangle; -1 where it has no area and was dropped; read-only."""
+        """(n,) index into `objects` of each input triangle, -1 where it has no area; read-only."""
         return self._inner.triangle_objects
 
     @property
@@ -282,13 +282,13 @@ def load(
     Parameters
     ----------
     path
-        glTF (``.glb``, ``.gltf``) or OBJ; with the extra ``isolux[meshes]`` also STL, PLY, OFF and what else trimesh
-        reads.
+        glTF (``.glb``, ``.gltf``) or OBJ; with the extra ``isolux[meshes]`` also STL, PLY, OFF and what else
+        trimesh reads.
     metres_per_unit
         Length of the file's unit, metres; None stands for what the format says (glTF: metres).
     emission_scale
-        Factor on every emission. 1 where the file's values are radiances (cd/m², W/m²/sr), as glTF prescribes:
-        radiosities are pi times those.
+        Factor on every emission. 1 where the file's values are radiances (cd/m², W/m²/sr), as glTF
+        prescribes: radiosities are pi times those.
 
     Raises
     ------

@@ -23,14 +23,14 @@ Quality = Literal["draft", "preview", "production", "final"]
 class Settings:
     """What may be asked of a solve.
 
-    Every epsilon is relative, so that a scene may be scaled or dimmed at will. Values are checked when the object is
-    made.
+    Every epsilon is relative, so that a scene may be scaled or dimmed at will. Values are checked when the
+    object is made.
 
     Parameters
     ----------
     error
-        Asked relative error of irradiance (RMS over surfaces, relative to the mean), in (0, 1]; sets the epsilons
-        that are None.
+        Asked relative error of irradiance (RMS over surfaces, relative to the mean), in (0, 1]; sets the
+        epsilons that are None.
     bf_epsilon
         Links carry at most this share of the scene's mean irradiance.
     area_epsilon
@@ -44,8 +44,8 @@ class Settings:
     rays
         Rays per visibility, 16 or 256.
     order
-        Insertion in the BSP tree: ``"as-given"``, ``"largest-first"``, ``"random"`` (by `seed`) or ``"random:7"`` (by
-        a seed of its own).
+        Insertion in the BSP tree: ``"as-given"``, ``"largest-first"``, ``"random"`` (by `seed`) or
+        ``"random:7"`` (by a seed of its own).
     roots
         Roots of the quadtrees: ``"polygons"``, or the BSP tree's ``"fragments"``.
     seed

@@ -76,8 +76,8 @@ class Solution:
     def elements(self) -> Arrays:
         """The elements of all quadtrees: read-only arrays with one row per element.
 
-        ``corners`` (metres), ``area`` (m²), ``polygon``, ``parent``, ``first_child``, ``path``, ``radiosity`` and
-        ``irradiance`` (linear RGB, lm/m² or W/m²). Made once.
+        ``corners`` (metres), ``area`` (m²), ``polygon``, ``parent``, ``first_child``, ``path``, ``radiosity``
+        and ``irradiance`` (linear RGB, lm/m² or W/m²). Made once.
         """
         return self._group("elements")
 
@@ -93,7 +93,8 @@ class Solution:
     def mesh(self) -> Arrays:
         """The surfaces as triangles without cracks: read-only arrays, made once.
 
-        ``positions`` (n, 3) in metres, ``irradiance`` and ``radiosity`` (n, 3) at the vertices, ``triangles`` (m, 3).
+        ``positions`` (n, 3) in metres, ``irradiance`` and ``radiosity`` (n, 3) at the vertices, ``triangles``
+        (m, 3).
         """
         if self._mesh is None:
             self._mesh = MappingProxyType(self._inner.mesh())
@@ -157,8 +158,8 @@ class Solution:
         path
             Where to; its suffix says what.
         exposure
-            Factor from radiance to displayed value; None stands for `exposure`. The raw values are in the file in any
-            case.
+            Factor from radiance to displayed value; None stands for `exposure`. The raw values are in the
+            file in any case.
 
         Raises
         ------
@@ -300,8 +301,8 @@ def solve(
     max_iterations
         Iterations after which the solve gives up (status ``"iteration-limit"``).
     progress
-        Called with an `isolux.Progress` about twenty times a second; raises KeyboardInterrupt to stop the solve. Other
-        exceptions of it stop the solve, too, and come through.
+        Called with an `isolux.Progress` about twenty times a second; raises KeyboardInterrupt to stop the
+        solve. Other exceptions of it stop the solve, too, and come through.
 
     Returns
     -------
@@ -340,8 +341,8 @@ def open_solution(path: str | os.PathLike[str]) -> Solution:
     Raises
     ------
     SolutionFileError
-        Where the file is missing, damaged, of another kind, or contradicts itself; the message names the file and the
-        part.
+        Where the file is missing, damaged, of another kind, or contradicts itself; the message names the file
+        and the part.
     """
     from isolux.io import solution_file  # noqa: PLC0415
 

@@ -37,8 +37,9 @@ app = typer.Typer(
     add_completion=False,
     rich_markup_mode="markdown",
     help="Noise-free global illumination of diffuse scenes by hierarchical radiosity.",
-    epilog="Exit codes: 0 good, 1 internal error or a result that could not be written, 2 usage, 3 a scene or solution "
-    "that cannot be used, 4 not converged (the result is kept), 130 cancelled (a partial result is kept).",
+    epilog="Exit codes: 0 good, 1 internal error or a result that could not be written, 2 usage, "
+    "3 a scene or solution that cannot be used, 4 not converged (the result is kept), "
+    "130 cancelled (a partial result is kept).",
 )
 app.command()(inspect.inspect)
 app.command()(solve.solve)

@@ -19,7 +19,7 @@ def bake(
     out: Annotated[
         Path, typer.Option("-o", "--output", metavar="FILE", help="The lit file: .glb, .ply or .vtu.")
     ],
-    to: Annotated[
+    to: Annotated[  # noqa: ARG001
         Literal["vertex"], typer.Option(help="Where the light goes: colours of vertices.")
     ] = "vertex",
     exposure: Annotated[

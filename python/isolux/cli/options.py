@@ -47,8 +47,8 @@ Units = Annotated[
     typer.Option(
         "--units",
         metavar="LENGTH[,EMISSION]",
-        help="Units of the file: a length (m, cm, mm, in, ft, or metres per unit), and how emission is meant: cd/m2 or "
-        "W/m2/sr (radiance, glTF's way), lm/m2 or W/m2 (radiosity).",
+        help="Units of the file: a length (m, cm, mm, in, ft, or metres per unit), and how emission is "
+        "meant: cd/m2 or W/m2/sr (radiance, glTF's way), lm/m2 or W/m2 (radiosity).",
     ),
 ]
 

@@ -144,9 +144,7 @@ def solve(
         say(f"cancelled; what was computed is in {out}")
         return CANCELLED
     if report.status == "iteration-limit":
-        say(
-            f"warning: not converged in {len(report.iterations)} iterations; the result is in {out} all the same"
-        )
+        say(f"warning: not converged in {len(report.iterations)} iterations; the result is in {out}")
         return NOT_CONVERGED
     return 0
 

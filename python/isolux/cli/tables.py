@@ -29,8 +29,8 @@ def scene(scene: Scene, source: str) -> Table:
         ("area", f"{scene.area:.6g} m²"),
         (
             "polygons",
-            f"{polygons.fronts:,} ({polygons.triangles:,} triangles, {polygons.quadrilaterals:,} quadrilaterals; "
-            f"{polygons.two_sided:,} two-sided)",
+            f"{polygons.fronts:,} ({polygons.triangles:,} triangles, {polygons.quadrilaterals:,} "
+            f"quadrilaterals; {polygons.two_sided:,} two-sided)",
         ),
         (
             "input triangles",
@@ -118,8 +118,8 @@ def report(report: Report, target: str) -> Table:
         rows.append(
             (
                 "row sums",
-                f"{sums.smallest:.3f} ({sums.smallest_object}) to {sums.largest:.3f} ({sums.largest_object}), "
-                f"mean {sums.mean:.3f}",
+                f"{sums.smallest:.3f} ({sums.smallest_object}) to {sums.largest:.3f} "
+                f"({sums.largest_object}), mean {sums.mean:.3f}",
             )
         )
     phases = ", ".join(f"{phase.name} {phase.seconds:.2f}" for phase in report.phases)

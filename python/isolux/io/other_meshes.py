@@ -31,7 +31,7 @@ def load(path: Path, metres_per_unit: float) -> Scene:
         import trimesh  # noqa: PLC0415
     except ImportError:
         raise MissingExtraError(
-            f"{path}: isolux reads .glb, .gltf and .obj; other kinds need trimesh: pip install 'isolux[meshes]'"
+            f"{path}: kinds other than .glb, .gltf and .obj need trimesh: pip install 'isolux[meshes]'"
         ) from None
     try:
         loaded = trimesh.load_scene(path)

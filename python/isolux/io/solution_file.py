@@ -1,7 +1,8 @@
 """Solution files: the named arrays of a solution go into one HDF5 file, and come back checked.
 
-A file holds every array as a dataset of the same name (``links/source``), its CRC-32 as an attribute of the dataset, and
-everything else as JSON in the dataset ``attributes``. The attributes of the file itself say what it is.
+A file holds every array as a dataset of the same name (``links/source``), its CRC-32 as an attribute of the
+dataset, and everything else as JSON in the dataset ``attributes``. The attributes of the file itself say what
+it is.
 """
 
 from __future__ import annotations
@@ -33,7 +34,8 @@ _MAGIC = b"\x89HDF\r\n\x1a\n"
 _JSON = "attributes"
 #: Smaller arrays are not worth a filter: a chunk's bookkeeping costs about as much as gzip saves.
 _COMPRESSED_FROM = 64 * 1024
-#: The best that deflate can do (RFC 1951: 258 bytes in 2 bits), so a file can hold no more than this times its size.
+#: The best that deflate can do (RFC 1951: 258 bytes in 2 bits), so a file can hold no more than this times
+#: its size.
 _MOST_COMPRESSION = 1032
 
 
@@ -91,7 +93,7 @@ def read(path: Path) -> _isolux.Solution:
         raise SolutionFileError(f"{path}: damaged: {' '.join(str(error).split())}") from None
     if solution.scene.hash != scene_hash:
         raise SolutionFileError(
-            f"{path}: the attribute 'scene_hash' is {scene_hash}, but the scene in it has {solution.scene.hash}"
+            f"{path}: attribute 'scene_hash' is {scene_hash}, but its scene has {solution.scene.hash}"
         )
     return solution
 
