@@ -7,6 +7,19 @@ from typing import Any, Literal, TypeAlias, final
 import numpy as np
 from numpy.typing import NDArray
 
+__all__ = [
+    "Progress",
+    "Scene",
+    "Solution",
+    "__version__",
+    "_error_samples",
+    "default_settings",
+    "quality_error",
+    "solve",
+    "validate_settings",
+    "write_aside",
+]
+
 _Bands: TypeAlias = tuple[float, float, float]
 _MaterialTuple: TypeAlias = tuple[str, _Bands, _Bands, bool, float]
 _Arrays: TypeAlias = dict[str, NDArray[Any]]

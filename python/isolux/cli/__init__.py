@@ -1,4 +1,4 @@
-"""The command `isolux`: words come in; results go to files and standard output, the rest to standard error."""
+"""The command `isolux`: words come in; results go to files and standard output, all else to stderr."""
 
 from __future__ import annotations
 
