@@ -7,6 +7,7 @@
 
 pub mod kernels;
 pub mod links;
+pub mod sampling;
 pub mod scene;
 pub mod solution;
 pub mod tree;

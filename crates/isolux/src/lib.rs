@@ -13,7 +13,9 @@ pub use isolux_formats as formats;
 pub use record::{Array, Data, Record};
 pub use render::{RenderSettings, View, render};
 pub use report::{Energy, IterationReport, LinkReport, PhaseReport, Report, RowSum, Status};
-pub use settings::{Quality, Roots, Settings, Update};
+pub use settings::{Quality, Settings};
+
+pub use isolux_core::solution::{Roots, Update};
 pub use solution::{Solution, solve};
 
 /// Version of the program, recorded in every result.

@@ -1,5 +1,20 @@
 //! A solution as named flat arrays: what a solution file holds, whatever container it is put in.
 
+use crate::solution::hex;
+use crate::{RecordError, Report, Solution};
+use isolux_core::links::{Hierarchy, Link, Links};
+use isolux_core::scene::{AlphaMask, Camera, Corners, Image, Material, Object, Plane, Polygon, Scene, Side, Wrap};
+use isolux_core::solution::{Light, SmoothSurfaces};
+use isolux_core::tree::{Bsp, Element, ElementId, Elements, Path};
+use isolux_core::units::Rgb;
+use isolux_core::{DVec2, DVec3};
+use serde::{Deserialize, Serialize};
+use std::collections::HashMap;
+use std::sync::Arc;
+
+/// Format number that this version writes and reads.
+const FORMAT: u64 = 1;
+
 /// Numbers of one type.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Data {
@@ -13,6 +28,36 @@ pub enum Data {
     F32(Vec<f32>),
     /// Double precision.
     F64(Vec<f64>),
+}
+
+impl Data {
+    /// Number of entries.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        match self {
+            Data::U8(values) => values.len(),
+            Data::U32(values) => values.len(),
+            Data::U64(values) => values.len(),
+            Data::F32(values) => values.len(),
+            Data::F64(values) => values.len(),
+        }
+    }
+
+    /// True when there are no entries.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    fn type_name(&self) -> &'static str {
+        match self {
+            Data::U8(_) => "u8",
+            Data::U32(_) => "u32",
+            Data::U64(_) => "u64",
+            Data::F32(_) => "f32",
+            Data::F64(_) => "f64",
+        }
+    }
 }
 
 /// A named array, row-major.
@@ -33,4 +78,405 @@ pub struct Record {
     pub attributes: String,
     /// The arrays, in a fixed order.
     pub arrays: Vec<Array>,
+}
+
+/// What is not an array.
+#[derive(Debug, Serialize, Deserialize)]
+struct Attributes {
+    format: u64,
+    version: String,
+    name: String,
+    scene_hash: String,
+    fronts: usize,
+    diameter: f64,
+    objects: Vec<String>,
+    materials: Vec<Material>,
+    cameras: Vec<Camera>,
+    images: Vec<ImageHeader>,
+    masks: Vec<MaskHeader>,
+    report: Report,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+struct ImageHeader {
+    name: String,
+    mime: String,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+struct MaskHeader {
+    width: u32,
+    height: u32,
+    wrap: [Wrap; 2],
+}
+
+/// Corners of a patch padded to four, and their number.
+fn corner_arrays<'a>(group: &str, patches: impl Iterator<Item = &'a Corners>) -> [Array; 2] {
+    let mut points = Vec::new();
+    let mut counts = Vec::new();
+    for corners in patches {
+        counts.push(corners.len() as u8);
+        let last = corners[corners.len() - 1];
+        points.extend((0..4).flat_map(|k| corners.get(k).unwrap_or(&last).to_array()));
+    }
+    let count = counts.len();
+    [
+        Array { name: format!("{group}/corners"), shape: vec![count, 4, 3], data: Data::F64(points) },
+        Array { name: format!("{group}/corner_count"), shape: vec![count], data: Data::U8(counts) },
+    ]
+}
+
+fn rgb_array(name: &str, values: impl Iterator<Item = Rgb>) -> Array {
+    let flat: Vec<f64> = values.flat_map(|value| value.0).collect();
+    Array { name: name.to_owned(), shape: vec![flat.len() / 3, 3], data: Data::F64(flat) }
+}
+
+fn flat_array(name: &str, data: Data) -> Array {
+    Array { name: name.to_owned(), shape: vec![data.len()], data }
+}
+
+fn u32_array(name: &str, values: impl Iterator<Item = u32>) -> Array {
+    flat_array(name, Data::U32(values.collect()))
+}
+
+/// Marks an index that is not there.
+const NONE: u32 = u32::MAX;
+
+pub(crate) fn write(solution: &Solution) -> Record {
+    let scene = &solution.scene;
+    let Hierarchy { elements, links, light } = &solution.hierarchy;
+    let attributes = Attributes {
+        format: FORMAT,
+        version: crate::VERSION.to_owned(),
+        name: scene.name.clone(),
+        scene_hash: hex(&scene.hash),
+        fronts: scene.fronts,
+        diameter: scene.diameter,
+        objects: scene.objects.iter().map(|object| object.name.clone()).collect(),
+        materials: scene.materials.clone(),
+        cameras: scene.cameras.clone(),
+        images: scene
+            .images
+            .iter()
+            .map(|image| ImageHeader { name: image.name.clone(), mime: image.mime.clone() })
+            .collect(),
+        masks: scene
+            .masks
+            .iter()
+            .map(|mask| MaskHeader { width: mask.width, height: mask.height, wrap: mask.wrap })
+            .collect(),
+        report: solution.report.clone(),
+    };
+    let polygons = &scene.polygons;
+    let mut arrays = Vec::new();
+    arrays.extend(corner_arrays("scene", polygons.iter().map(|polygon| &polygon.corners)));
+    arrays.push(rgb_array("scene/reflectance", polygons.iter().map(|polygon| polygon.reflectance)));
+    arrays.push(rgb_array("scene/emission", polygons.iter().map(|polygon| polygon.emission)));
+    arrays.push(flat_array("scene/opacity", Data::F64(polygons.iter().map(|polygon| polygon.opacity).collect())));
+    arrays.push(u32_array("scene/mask", polygons.iter().map(|polygon| polygon.mask.unwrap_or(NONE))));
+    arrays.push(u32_array("scene/object", polygons.iter().map(|polygon| polygon.object)));
+    arrays.push(u32_array("scene/material", polygons.iter().map(|polygon| polygon.material)));
+    arrays.push(u32_array("scene/twin", polygons.iter().map(|polygon| polygon.twin.unwrap_or(NONE))));
+    let faces: Vec<u32> = polygons.iter().flat_map(|polygon| polygon.faces).collect();
+    arrays.push(Array { name: "scene/faces".into(), shape: vec![polygons.len(), 2], data: Data::U32(faces) });
+    // NaN where a polygon has no texture coordinates.
+    let uv = polygons.iter().flat_map(|polygon| polygon.uv.unwrap_or([DVec2::NAN; 4]));
+    let uv: Vec<f64> = uv.flat_map(|uv| uv.to_array()).collect();
+    arrays.push(Array { name: "scene/uv".into(), shape: vec![polygons.len(), 4, 2], data: Data::F64(uv) });
+    let triangles: Vec<f64> = scene.triangles.iter().flatten().flat_map(|corner| corner.to_array()).collect();
+    let shape = vec![scene.triangles.len(), 3, 3];
+    arrays.push(Array { name: "scene/triangles".into(), shape, data: Data::F64(triangles) });
+    arrays.push(u32_array("scene/face_polygon", scene.face_polygon.iter().copied()));
+    arrays.push(flat_array("scene/active", Data::U8(solution.active.iter().map(|&active| u8::from(active)).collect())));
+    for (index, image) in scene.images.iter().enumerate() {
+        arrays.push(flat_array(&format!("scene/image_{index}"), Data::U8(image.bytes.clone())));
+    }
+    for (index, mask) in scene.masks.iter().enumerate() {
+        let solid = mask.solid.iter().map(|&solid| u8::from(solid)).collect();
+        arrays.push(flat_array(&format!("scene/mask_{index}"), Data::U8(solid)));
+    }
+    let nodes = elements.as_slice();
+    arrays.extend(corner_arrays("elements", nodes.iter().map(|node| &node.corners)));
+    arrays.push(flat_array("elements/area", Data::F64(nodes.iter().map(|node| node.area).collect())));
+    arrays.push(u32_array("elements/polygon", nodes.iter().map(|node| node.polygon)));
+    arrays.push(u32_array("elements/parent", nodes.iter().map(|node| node.parent.0)));
+    arrays.push(u32_array("elements/first_child", nodes.iter().map(|node| node.first_child.0)));
+    arrays.push(flat_array("elements/path", Data::U64(nodes.iter().map(|node| node.path.to_bits()).collect())));
+    arrays.push(rgb_array("elements/radiosity", light.radiosities().iter().copied()));
+    arrays.push(rgb_array("elements/irradiance", light.irradiances().iter().copied()));
+    arrays.push(u32_array("links/receiver", links.iter().map(|(receiver, _)| receiver.0)));
+    arrays.push(u32_array("links/source", links.iter().map(|(_, link)| link.source.0)));
+    arrays.push(flat_array("links/form_factor", Data::F64(links.iter().map(|(_, link)| link.form_factor).collect())));
+    let visibility = links.iter().map(|(_, link)| link.visibility().unwrap_or(0.0) as f32).collect();
+    arrays.push(flat_array("links/visibility", Data::F32(visibility)));
+    let attributes = serde_json::to_string(&attributes).unwrap_or_else(|error| {
+        // Only maps with keys that are not strings can fail, and there are none.
+        unreachable!("attributes are plain data: {error}")
+    });
+    Record { attributes, arrays }
+}
+
+/// Arrays of a record, to be taken out one by one with their expected shape.
+struct Shelf {
+    arrays: HashMap<String, Array>,
+}
+
+macro_rules! take_as {
+    ($method:ident, $variant:ident, $number:ty) => {
+        /// Takes an array out; `columns` are the lengths of all axes but the first.
+        fn $method(&mut self, name: &str, columns: &[usize]) -> Result<Vec<$number>, RecordError> {
+            let array = self.take(name)?;
+            let expected: usize = columns.iter().product();
+            let found = format!("{} {:?}", array.data.type_name(), array.shape);
+            let fits = array.shape.len() == columns.len() + 1
+                && array.shape[1..] == *columns
+                && array.shape[0].checked_mul(expected) == Some(array.data.len());
+            match array.data {
+                Data::$variant(values) if fits => Ok(values),
+                _ => {
+                    let expected = format!("{} (n, {columns:?})", stringify!($number));
+                    Err(RecordError::Shape { name: name.to_owned(), found, expected })
+                }
+            }
+        }
+    };
+}
+
+impl Shelf {
+    fn take(&mut self, name: &str) -> Result<Array, RecordError> {
+        self.arrays.remove(name).ok_or_else(|| RecordError::Missing { name: name.to_owned() })
+    }
+
+    take_as!(f64, F64, f64);
+    take_as!(f32, F32, f32);
+    take_as!(u32, U32, u32);
+    take_as!(u64, U64, u64);
+    take_as!(u8, U8, u8);
+
+    fn rgb(&mut self, name: &str, count: usize) -> Result<Vec<Rgb>, RecordError> {
+        let values: Vec<Rgb> = self.f64(name, &[3])?.chunks_exact(3).map(|c| Rgb([c[0], c[1], c[2]])).collect();
+        same_length(name, values.len(), count)?;
+        Ok(values)
+    }
+
+    /// Indices below `limit`, or `NONE`.
+    fn indices(&mut self, name: &str, count: usize, limit: usize) -> Result<Vec<u32>, RecordError> {
+        let values = self.u32(name, &[])?;
+        same_length(name, values.len(), count)?;
+        match values.iter().find(|&&value| value != NONE && value as usize >= limit) {
+            Some(value) => Err(inconsistent(name, format!("index {value} is out of range (there are {limit})"))),
+            None => Ok(values),
+        }
+    }
+
+    fn corners(&mut self, group: &str) -> Result<Vec<Corners>, RecordError> {
+        let name = format!("{group}/corners");
+        let points = self.f64(&name, &[4, 3])?;
+        let counts = self.u8(&format!("{group}/corner_count"), &[])?;
+        same_length(&name, points.len() / 12, counts.len())?;
+        points
+            .chunks_exact(12)
+            .zip(counts)
+            .map(|(flat, count)| {
+                let corners: Vec<DVec3> = flat.chunks_exact(3).map(DVec3::from_slice).take(count as usize).collect();
+                Corners::from_slice(&corners)
+                    .ok_or_else(|| inconsistent(&name, format!("{count} corners, expected 3 or 4")))
+            })
+            .collect()
+    }
+}
+
+fn inconsistent(name: &str, what: impl Into<String>) -> RecordError {
+    RecordError::Inconsistent { name: name.to_owned(), what: what.into() }
+}
+
+fn same_length(name: &str, found: usize, expected: usize) -> Result<(), RecordError> {
+    if found == expected { Ok(()) } else { Err(inconsistent(name, format!("{found} rows, expected {expected}"))) }
+}
+
+fn present(value: u32) -> Option<u32> {
+    (value != NONE).then_some(value)
+}
+
+pub(crate) fn read(record: Record) -> Result<Solution, RecordError> {
+    let raw: serde_json::Value = serde_json::from_str(&record.attributes)
+        .map_err(|error| inconsistent("attributes", format!("not valid JSON: {error}")))?;
+    let format = raw.get("format").and_then(serde_json::Value::as_u64);
+    match format {
+        None => return Err(RecordError::Missing { name: "attributes/format".into() }),
+        Some(found) if found != FORMAT => return Err(RecordError::Format { found, supported: FORMAT }),
+        Some(_) => {}
+    }
+    let attributes: Attributes =
+        serde_json::from_value(raw).map_err(|error| inconsistent("attributes", error.to_string()))?;
+    let mut shelf = Shelf { arrays: record.arrays.into_iter().map(|array| (array.name.clone(), array)).collect() };
+    let report = attributes.report.clone();
+    let (scene, active) = read_scene(attributes, &mut shelf)?;
+    let hierarchy = read_hierarchy(&scene, &mut shelf)?;
+    let bsp = Bsp::build(&scene, report.settings.order);
+    let surfaces = SmoothSurfaces::new(&scene, &bsp, &hierarchy.elements, &hierarchy.light);
+    Ok(Solution { scene: Arc::new(scene), bsp, hierarchy, active, surfaces, report })
+}
+
+fn read_scene(attributes: Attributes, shelf: &mut Shelf) -> Result<(Scene, Vec<bool>), RecordError> {
+    let Attributes { name, scene_hash, fronts, diameter, objects, materials, cameras, images, masks, report, .. } =
+        attributes;
+    let corners = shelf.corners("scene")?;
+    let count = corners.len();
+    if fronts > count {
+        return Err(inconsistent("attributes/fronts", format!("{fronts} of {count} polygons")));
+    }
+    let reflectance = shelf.rgb("scene/reflectance", count)?;
+    let emission = shelf.rgb("scene/emission", count)?;
+    let opacity = shelf.f64("scene/opacity", &[])?;
+    same_length("scene/opacity", opacity.len(), count)?;
+    let mask = shelf.indices("scene/mask", count, masks.len())?;
+    let object = shelf.indices("scene/object", count, objects.len())?;
+    let material = shelf.indices("scene/material", count, materials.len())?;
+    let twin = shelf.indices("scene/twin", count, count)?;
+    let uv = shelf.f64("scene/uv", &[4, 2])?;
+    same_length("scene/uv", uv.len() / 8, count)?;
+    let triangles: Vec<[DVec3; 3]> = shelf
+        .f64("scene/triangles", &[3, 3])?
+        .chunks_exact(9)
+        .map(|c| [DVec3::from_slice(c), DVec3::from_slice(&c[3..]), DVec3::from_slice(&c[6..])])
+        .collect();
+    let faces = shelf.u32("scene/faces", &[2])?;
+    same_length("scene/faces", faces.len() / 2, count)?;
+    let face_polygon = shelf.indices("scene/face_polygon", triangles.len(), fronts)?;
+    let active = shelf.u8("scene/active", &[])?;
+    same_length("scene/active", active.len(), count)?;
+    let images = images
+        .into_iter()
+        .enumerate()
+        .map(|(index, header)| {
+            let bytes = shelf.u8(&format!("scene/image_{index}"), &[])?;
+            Ok(Image { name: header.name, mime: header.mime, bytes })
+        })
+        .collect::<Result<Vec<_>, RecordError>>()?;
+    let masks = masks
+        .into_iter()
+        .enumerate()
+        .map(|(index, MaskHeader { width, height, wrap })| {
+            let name = format!("scene/mask_{index}");
+            let solid: Vec<bool> = shelf.u8(&name, &[])?.into_iter().map(|solid| solid != 0).collect();
+            if (width as usize).checked_mul(height as usize) != Some(solid.len()) || solid.is_empty() {
+                return Err(inconsistent(&name, format!("{} texels, expected {width} x {height}", solid.len())));
+            }
+            Ok(AlphaMask { width, height, solid, wrap })
+        })
+        .collect::<Result<Vec<_>, RecordError>>()?;
+    let mut polygons: Vec<Polygon> = Vec::with_capacity(count);
+    for (index, corners) in corners.into_iter().enumerate() {
+        let Some(normal) = corners.area_vector().try_normalize() else {
+            return Err(inconsistent("scene/corners", format!("polygon {index} has no area")));
+        };
+        let (side, plane, area) = if index < fronts {
+            (Side::Front, Plane { normal, offset: normal.dot(corners.mean()) }, corners.area())
+        } else {
+            // A back has exactly the plane and area of its front.
+            let front = present(twin[index]).and_then(|front| polygons.get(front as usize));
+            let Some(front) = front else {
+                return Err(inconsistent("scene/twin", format!("back {index} has no front")));
+            };
+            (Side::Back, front.plane.reversed(), front.area)
+        };
+        let uv = &uv[8 * index..8 * index + 8];
+        polygons.push(Polygon {
+            corners,
+            plane,
+            area,
+            reflectance: reflectance[index],
+            emission: emission[index],
+            opacity: opacity[index],
+            mask: present(mask[index]),
+            object: object[index],
+            material: material[index],
+            side,
+            twin: present(twin[index]),
+            faces: [faces[2 * index], faces[2 * index + 1]],
+            uv: (!uv[0].is_nan()).then(|| [0, 2, 4, 6].map(|k| DVec2::new(uv[k], uv[k + 1]))),
+        });
+    }
+    if object.iter().chain(&material).any(|&index| index == NONE) {
+        return Err(inconsistent("scene/object", "a polygon has no object or material"));
+    }
+    let mut scene = Scene {
+        polygons,
+        fronts,
+        objects: objects.into_iter().map(|name| Object { name }).collect(),
+        materials,
+        images,
+        masks,
+        cameras,
+        triangles,
+        face_polygon,
+        issues: report.issues,
+        diameter,
+        hash: [0; 32],
+        name,
+    };
+    scene.check().map_err(|violation| inconsistent("scene", violation.to_string()))?;
+    scene.hash = scene.compute_hash();
+    if hex(&scene.hash) != scene_hash {
+        return Err(inconsistent(
+            "scene",
+            "the hash of the stored scene is not the one recorded: the file was altered",
+        ));
+    }
+    Ok((scene, active.into_iter().map(|active| active != 0).collect()))
+}
+
+fn read_hierarchy(scene: &Scene, shelf: &mut Shelf) -> Result<Hierarchy, RecordError> {
+    let corners = shelf.corners("elements")?;
+    let count = corners.len();
+    let area = shelf.f64("elements/area", &[])?;
+    same_length("elements/area", area.len(), count)?;
+    let path = shelf.u64("elements/path", &[])?;
+    same_length("elements/path", path.len(), count)?;
+    let polygon = shelf.indices("elements/polygon", count, scene.polygons.len())?;
+    let parent = shelf.indices("elements/parent", count, count)?;
+    let first_child = shelf.indices("elements/first_child", count, count)?;
+    let nodes: Vec<Element> = corners
+        .into_iter()
+        .enumerate()
+        .map(|(index, corners)| Element {
+            corners,
+            area: area[index],
+            polygon: polygon[index],
+            parent: ElementId(parent[index]),
+            first_child: ElementId(first_child[index]),
+            path: Path::from_bits(path[index]),
+        })
+        .collect();
+    if polygon.contains(&NONE) {
+        return Err(inconsistent("elements/polygon", "an element has no polygon"));
+    }
+    let elements = Elements::from_nodes(nodes, scene.polygons.iter().map(|polygon| polygon.plane).collect());
+    elements.check().map_err(|violation| inconsistent("elements", violation.to_string()))?;
+    let radiosity = shelf.rgb("elements/radiosity", count)?;
+    let irradiance = shelf.rgb("elements/irradiance", count)?;
+    let light = Light::from_values(radiosity, irradiance);
+    light.check(scene, &elements).map_err(|violation| inconsistent("elements", violation.to_string()))?;
+    let form_factor = shelf.f64("links/form_factor", &[])?;
+    let visibility = shelf.f32("links/visibility", &[])?;
+    same_length("links/visibility", visibility.len(), form_factor.len())?;
+    let receiver = shelf.indices("links/receiver", form_factor.len(), count)?;
+    let source = shelf.indices("links/source", form_factor.len(), count)?;
+    let mut links = Links::new(count);
+    for (index, &factor) in form_factor.iter().enumerate() {
+        let valid = receiver[index] != NONE
+            && source[index] != NONE
+            && factor > 0.0
+            && factor <= 1.0
+            && (0.0..=1.0).contains(&visibility[index]);
+        if !valid {
+            return Err(inconsistent("links", format!("link {index} is not a link")));
+        }
+        links.push(
+            ElementId(receiver[index]),
+            Link::new(ElementId(source[index]), factor, f64::from(visibility[index])),
+        );
+    }
+    Ok(Hierarchy { elements, links, light })
 }

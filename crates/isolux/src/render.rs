@@ -2,8 +2,12 @@
 
 use crate::{RenderError, Solution};
 use isolux_core::DVec3;
-use isolux_core::solution::Observer;
+use isolux_core::kernels::NoProbe;
+use isolux_core::scene::{Camera, Projection};
+use isolux_core::solution::{Flow, Observer, Phase, Progress};
 use isolux_core::units::Rgb;
+use rayon::prelude::*;
+use std::f64::consts::PI;
 
 /// Where to look from.
 #[derive(Clone, Debug, PartialEq)]
@@ -12,7 +16,7 @@ pub enum View {
     Default,
     /// A camera of the scene, by name.
     Camera(String),
-    /// From a point to a point, +Y up, 60 degrees of vertical opening.
+    /// From a point to a point, +Y up.
     LookAt {
         /// Eye point, metres.
         eye: DVec3,
@@ -32,19 +36,173 @@ pub struct RenderSettings {
     pub height: u32,
     /// Samples per pixel are the square of this.
     pub samples_per_side: u32,
-    /// Threads; 0: all cores.
+    /// Threads; 0: all cores. Never changes a result.
     pub threads: usize,
 }
 
-/// Draws linear radiance (radiosity over pi), row by row from the top.
+/// Surfaces that a camera ray passes before it is given up: stacked panes of glass.
+const MAX_LAYERS: usize = 64;
+
+/// Light that still passes stacked panes is lost below this share: half a step of an 8-bit picture.
+const LEAST_TRANSMITTANCE: f64 = 1.0 / 512.0;
+
+/// Vertical opening of computed views, radians (60 degrees).
+const DEFAULT_ANGLE: f64 = PI / 3.0;
+
+/// Largest picture, pixels: 16,384 squared, 6 GB of linear values.
+const MAX_PIXELS: u64 = 1 << 28;
+
+/// Draws linear radiance (radiosity over pi), row by row from the top. Single-sided surfaces are not there seen from
+/// behind; where a ray leaves the scene the picture is black.
 ///
 /// # Errors
 /// [`RenderError`] for views that make no sense and when the observer stops it.
 pub fn render(
-    _solution: &Solution,
-    _view: &View,
-    _settings: &RenderSettings,
-    _observer: &mut dyn Observer,
+    solution: &Solution,
+    view: &View,
+    settings: &RenderSettings,
+    observer: &mut dyn Observer,
 ) -> Result<Vec<Rgb>, RenderError> {
-    Err(RenderError::Cancelled)
+    let RenderSettings { width, height, samples_per_side, threads } = *settings;
+    let nonsense = |what: String| RenderError::View { what };
+    if width == 0 || height == 0 || u64::from(width) * u64::from(height) > MAX_PIXELS {
+        return Err(nonsense(format!("a picture of {width} x {height} pixels (1 to {MAX_PIXELS} in all)")));
+    }
+    if samples_per_side == 0 || samples_per_side > 64 {
+        return Err(nonsense(format!("{samples_per_side} samples per side of a pixel (1 to 64)")));
+    }
+    let camera = resolve(solution, view)?;
+    let aspect = f64::from(width) / f64::from(height);
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build()
+        .map_err(|error| nonsense(format!("threads: {error}")))?;
+    let mut picture = vec![Rgb::ZERO; width as usize * height as usize];
+    // Bands of rows, so that the observer hears of it now and then.
+    let band = (height as usize / 100).clamp(1, 64);
+    let mut done = 0;
+    for rows in picture.chunks_mut(band * width as usize) {
+        pool.install(|| {
+            rows.par_iter_mut().enumerate().for_each(|(index, pixel)| {
+                let (column, row) = (index % width as usize, done + index / width as usize);
+                let mut sum = Rgb::ZERO;
+                for sample in 0..samples_per_side * samples_per_side {
+                    let offset = |k: u32| (f64::from(k) + 0.5) / f64::from(samples_per_side);
+                    let x = (column as f64 + offset(sample % samples_per_side)) / f64::from(width);
+                    let y = (row as f64 + offset(sample / samples_per_side)) / f64::from(height);
+                    let (origin, direction) = camera_ray(&camera, aspect, 2.0 * x - 1.0, 1.0 - 2.0 * y);
+                    sum += radiance(solution, origin, direction);
+                }
+                *pixel = sum / f64::from(samples_per_side * samples_per_side);
+            });
+        });
+        done += rows.len() / width as usize;
+        let share = done as f64 / f64::from(height);
+        let elements = solution.hierarchy.elements.len();
+        let progress = Progress { phase: Phase::Render, done: share, iteration: 0, residual: 0.0, elements, links: 0 };
+        if observer.observe(&progress) == Flow::Stop {
+            return Err(RenderError::Cancelled);
+        }
+    }
+    Ok(picture)
+}
+
+fn resolve(solution: &Solution, view: &View) -> Result<Camera, RenderError> {
+    let cameras = &solution.scene.cameras;
+    match view {
+        View::Default => Ok(cameras.first().cloned().unwrap_or_else(|| best_view(solution))),
+        View::Camera(name) => cameras.iter().find(|camera| camera.name == *name).cloned().ok_or_else(|| {
+            let names: Vec<&str> = cameras.iter().map(|camera| camera.name.as_str()).collect();
+            let available = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
+            RenderError::NoSuchCamera { name: name.clone(), available }
+        }),
+        &View::LookAt { eye, at, vertical_angle } => {
+            let sound = eye.is_finite() && at.is_finite() && eye.distance(at) > 0.0;
+            if !sound {
+                return Err(RenderError::View { what: format!("eye {eye} and target {at} must be two points") });
+            }
+            if !(vertical_angle > 0.0 && vertical_angle < PI) {
+                let degrees = vertical_angle.to_degrees();
+                return Err(RenderError::View { what: format!("a field of view of {degrees} degrees (0 to 180)") });
+            }
+            Ok(look_at(eye, at, vertical_angle))
+        }
+    }
+}
+
+fn look_at(eye: DVec3, at: DVec3, vertical_angle: f64) -> Camera {
+    let forward = (at - eye).normalize();
+    // Looking straight up or down, the picture's up is -z.
+    let upright = if forward.cross(DVec3::Y).length() < 1e-9 { DVec3::NEG_Z } else { DVec3::Y };
+    let right = forward.cross(upright).normalize();
+    let projection = Projection::Perspective { vertical_angle };
+    Camera { name: "computed".into(), eye, forward, up: right.cross(forward), projection }
+}
+
+/// A view for scenes without a camera: of four eyes near the upper corners inside the bounding box and four outside,
+/// the one whose picture shows most lit surface.
+fn best_view(solution: &Solution) -> Camera {
+    let scene = &solution.scene;
+    let corners = || scene.polygons[..scene.fronts].iter().flat_map(|polygon| polygon.corners.iter());
+    let low = corners().fold(DVec3::INFINITY, |low, corner| low.min(*corner));
+    let high = corners().fold(DVec3::NEG_INFINITY, |high, corner| high.max(*corner));
+    let (centre, half) = ((low + high) * 0.5, (high - low) * 0.5);
+    let signs = [(1.0, 1.0), (-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)];
+    // Just inside the walls and a little above the middle; or far enough outside to see it all.
+    let inside = signs.map(|(x, z)| centre + half * DVec3::new(0.92 * x, 0.3, 0.92 * z));
+    let outside = signs.map(|(x, z)| centre + DVec3::new(x, 0.7, z).normalize() * half.length() * 2.2);
+    let cameras = inside.into_iter().chain(outside).map(|eye| look_at(eye, centre, DEFAULT_ANGLE));
+    let shown = |camera: &Camera| {
+        let at = |k: usize, of: usize| (2.0 * k as f64 + 1.0) / of as f64 - 1.0;
+        let grid = (0..24).flat_map(|row| (0..32).map(move |column| (at(column, 32), at(row, 24))));
+        let lit = grid.filter(|&(x, y)| {
+            let (origin, direction) = camera_ray(camera, 4.0 / 3.0, x, y);
+            radiance(solution, origin, direction) != Rgb::ZERO
+        });
+        lit.count()
+    };
+    let best = cameras.map(|camera| (shown(&camera), camera)).reduce(|a, b| if b.0 > a.0 { b } else { a });
+    best.map_or_else(|| look_at(centre + half, centre, DEFAULT_ANGLE), |(_, camera)| camera)
+}
+
+/// Ray through a point of the picture; `x` to the right and `y` up, both in `[-1, 1]`.
+fn camera_ray(camera: &Camera, aspect: f64, x: f64, y: f64) -> (DVec3, DVec3) {
+    let right = camera.forward.cross(camera.up);
+    match camera.projection {
+        Projection::Perspective { vertical_angle } => {
+            let scale = (vertical_angle / 2.0).tan();
+            let direction = camera.forward + right * (x * aspect * scale) + camera.up * (y * scale);
+            (camera.eye, direction.normalize())
+        }
+        Projection::Orthographic { height } => {
+            let offset = right * (x * aspect * height / 2.0) + camera.up * (y * height / 2.0);
+            (camera.eye + offset, camera.forward)
+        }
+    }
+}
+
+/// Radiance that arrives along a ray.
+fn radiance(solution: &Solution, origin: DVec3, direction: DVec3) -> Rgb {
+    let scene = &*solution.scene;
+    let step = scene.tolerance();
+    let (mut start, mut passing, mut sum) = (origin, 1.0, Rgb::ZERO);
+    for _ in 0..MAX_LAYERS {
+        let Some(hit) = solution.bsp.closest_hit(scene, start, direction, f64::INFINITY, &mut NoProbe) else { break };
+        let position = start + direction * hit.distance;
+        let surface = &scene.polygons[hit.polygon as usize];
+        let side = if hit.front_facing { Some(hit.polygon) } else { surface.twin };
+        if let Some(side) = side {
+            let polygon = &scene.polygons[side as usize];
+            let irradiance = solution.surfaces.irradiance(scene, side, position);
+            // Emission and reflectance of a cut-out are means over its holes; the texel that was hit is solid.
+            let share = if surface.mask.is_some() { 1.0 / polygon.opacity } else { 1.0 };
+            sum += (polygon.emission + polygon.reflectance * irradiance) * (share * passing / PI);
+            passing *= if surface.mask.is_some() { 0.0 } else { 1.0 - polygon.opacity };
+            if passing < LEAST_TRANSMITTANCE {
+                break;
+            }
+        }
+        start = position + direction * step;
+    }
+    sum
 }

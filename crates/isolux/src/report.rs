@@ -4,10 +4,10 @@ use crate::Settings;
 use isolux_core::kernels::Counts;
 use isolux_core::scene::Issue;
 use isolux_core::units::Rgb;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// How a solve ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Status {
     /// The total radiosity settled.
@@ -19,7 +19,7 @@ pub enum Status {
 }
 
 /// Links of the solution by visibility.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LinkReport {
     /// All links.
     pub total: u64,
@@ -32,7 +32,7 @@ pub struct LinkReport {
 }
 
 /// One iteration.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct IterationReport {
     /// Total radiosity (sum of area times radiosity), per band.
     pub total: Rgb,
@@ -50,7 +50,7 @@ pub struct IterationReport {
 
 /// Where the emitted power went, per band, W or lm. `escaped` and `lost_to_backs` are measured by rays that know
 /// nothing of the links.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Energy {
     /// Emitted by all surfaces.
     pub emitted: Rgb,
@@ -69,7 +69,7 @@ pub struct Energy {
 }
 
 /// Sums of form factor times visibility over the links of a leaf and its ancestors: 1 in a closed scene.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RowSum {
     /// The largest.
     pub largest: f64,
@@ -84,7 +84,7 @@ pub struct RowSum {
 }
 
 /// Time of one phase.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PhaseReport {
     /// Name.
     pub name: String,
@@ -93,7 +93,7 @@ pub struct PhaseReport {
 }
 
 /// Everything a solve tells of itself.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Report {
     /// Version of the program.
     pub version: String,
@@ -133,10 +133,10 @@ pub struct Report {
     pub counts: Counts,
     /// Each iteration.
     pub iterations: Vec<IterationReport>,
-    /// Energy balance.
-    pub energy: Energy,
+    /// Energy balance; none for a cancelled solve.
+    pub energy: Option<Energy>,
     /// Row sums.
-    pub row_sum: RowSum,
+    pub row_sum: Option<RowSum>,
     /// Seconds per phase.
     pub phases: Vec<PhaseReport>,
     /// Peak memory of the process, bytes (0 where the system does not tell).

@@ -1,6 +1,7 @@
 //! What a user may ask of a solve; serialised into every result.
 
 use crate::SettingsError;
+use isolux_core::solution::{Roots, Update};
 use serde::{Deserialize, Serialize};
 
 /// Named errors.
@@ -28,28 +29,6 @@ impl Quality {
             Quality::Final => 0.02,
         }
     }
-}
-
-/// When a new radiosity is seen by others.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Update {
-    /// At the end of the iteration.
-    Jacobi,
-    /// At once (as in Gauss-Seidel).
-    #[default]
-    InPlace,
-}
-
-/// What the roots of the quadtrees are.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Roots {
-    /// The input polygons; the BSP tree's fragments only block rays.
-    #[default]
-    Polygons,
-    /// The BSP tree's fragments, as in the paper.
-    Fragments,
 }
 
 /// What a user may ask of a solve. Every epsilon is relative, so that a scene may be scaled or dimmed at will.

@@ -1,25 +1,225 @@
 //! A solved scene: asks and answers.
 
-use crate::{Record, RecordError, Report, Settings, SolveError};
+use crate::report::{LinkReport, PhaseReport, RowSum};
+use crate::{Energy, IterationReport, Record, RecordError, Report, Settings, SolveError, Status, VERSION};
+use isolux_core::kernels::Counts;
+use isolux_core::kernels::oracle::Thresholds;
+use isolux_core::links::Hierarchy;
 use isolux_core::scene::Scene;
-use isolux_core::solution::{Observer, SurfaceMesh};
+use isolux_core::solution::{
+    Flow, Observer, Parameters, Progress, SmoothSurfaces, Solver, Stop, SurfaceMesh, balance, pilot_irradiance,
+    row_sums,
+};
+use isolux_core::tree::{Bsp, ElementId};
 use isolux_core::units::Rgb;
 use std::sync::Arc;
+use std::time::Instant;
+
+/// `BF_eps` in units of asked error times mean irradiance.
+const BF_PER_ERROR: f64 = 0.1;
+
+/// `A_eps` in units of asked error squared times the scene's area.
+const AREA_PER_ERROR_SQUARED: f64 = 0.005;
+
+/// Share of the asked error that may come from stopping the iteration early.
+const ENERGY_PER_ERROR: f64 = 0.1;
+
+/// Share of progress after which the iteration ends and its evaluation begins.
+const SOLVER_SHARE: f64 = 0.95;
 
 /// A solved scene.
 #[derive(Debug)]
 pub struct Solution {
-    scene: Arc<Scene>,
-    mesh: SurfaceMesh,
-    report: Report,
+    pub(crate) scene: Arc<Scene>,
+    pub(crate) bsp: Bsp,
+    pub(crate) hierarchy: Hierarchy,
+    pub(crate) active: Vec<bool>,
+    pub(crate) surfaces: SmoothSurfaces,
+    pub(crate) report: Report,
+}
+
+/// Passes progress on, as a part of a larger whole, and remembers that it was told to stop.
+struct Part<'a> {
+    observer: &'a mut dyn Observer,
+    from: f64,
+    to: f64,
+    stopped: bool,
+}
+
+impl Observer for Part<'_> {
+    fn observe(&mut self, progress: &Progress) -> Flow {
+        let done = self.from + (self.to - self.from) * progress.done;
+        let flow = self.observer.observe(&Progress { done, ..*progress });
+        self.stopped |= flow == Flow::Stop;
+        flow
+    }
+}
+
+/// Seconds by phase.
+struct Stopwatch {
+    phases: Vec<PhaseReport>,
+    since: Instant,
+}
+
+impl Stopwatch {
+    fn start() -> Stopwatch {
+        Stopwatch { phases: Vec::new(), since: Instant::now() }
+    }
+
+    /// Ends a phase and returns its seconds.
+    fn lap(&mut self, name: &str) -> f64 {
+        let seconds = self.since.elapsed().as_secs_f64();
+        self.since = Instant::now();
+        self.phases.push(PhaseReport { name: name.to_owned(), seconds });
+        seconds
+    }
 }
 
 /// Solves `scene`. A solution whose status is `cancelled` is what stood when the observer said stop.
 ///
 /// # Errors
 /// [`SolveError`] for settings out of range and scenes without light.
-pub fn solve(_scene: Arc<Scene>, _settings: &Settings, _observer: &mut dyn Observer) -> Result<Solution, SolveError> {
-    Err(SolveError::Internal("not built yet".into()))
+pub fn solve(scene: Arc<Scene>, settings: &Settings, observer: &mut dyn Observer) -> Result<Solution, SolveError> {
+    settings.validate()?;
+    if scene.emitted_power() == Rgb::ZERO {
+        return Err(SolveError::NoLight { scene: scene.name.clone() });
+    }
+    let mut watch = Stopwatch::start();
+    let bsp = Bsp::build(&scene, settings.order);
+    watch.lap("tree");
+    let pilot = pilot_irradiance(&scene, &bsp, settings.seed);
+    watch.lap("pilot");
+    // Where no surface catches any light, any positive scale will do.
+    let scale = if pilot > 0.0 { pilot } else { scene.emitted_power().mean() / scene.area() };
+    let error = settings.error;
+    let parameters = Parameters {
+        thresholds: Thresholds {
+            bf: settings.bf_epsilon.unwrap_or(BF_PER_ERROR * error) * scale,
+            area: settings.area_epsilon.unwrap_or(AREA_PER_ERROR_SQUARED * error * error) * scene.area(),
+        },
+        stop: settings.energy_epsilon.map_or(Stop::Remainder(ENERGY_PER_ERROR * error), Stop::Change),
+        update: settings.update,
+        roots: settings.roots,
+        form_factor: settings.form_factor,
+        rays: settings.rays,
+        seed: settings.seed,
+    };
+    let mut part = Part { observer, from: 0.0, to: SOLVER_SHARE, stopped: false };
+    let mut solver: Solver<'_, Counts> = Solver::new(&scene, &bsp, parameters);
+    let mut iterations = Vec::new();
+    let mut status = Status::IterationLimit;
+    if solver.link_roots(&mut part) == Flow::Stop {
+        status = Status::Cancelled;
+    }
+    watch.lap("root links");
+    while status != Status::Cancelled && iterations.len() < settings.max_iterations as usize {
+        let before = solver.probe.visibilities;
+        let since = Instant::now();
+        let Some(iteration) = solver.iterate(&mut part) else {
+            status = Status::Cancelled;
+            break;
+        };
+        iterations.push(IterationReport {
+            total: iteration.total,
+            residual: iteration.residual,
+            elements: solver.hierarchy().elements.len() as u64,
+            links: solver.hierarchy().links.len() as u64,
+            visibilities: solver.probe.visibilities - before,
+            seconds: since.elapsed().as_secs_f64(),
+        });
+        if iteration.converged {
+            status = Status::Converged;
+            break;
+        }
+    }
+    let (hierarchy, active, _, counts) = solver.finish();
+    watch.lap("iteration");
+    let surfaces = SmoothSurfaces::new(&scene, &bsp, &hierarchy.elements, &hierarchy.light);
+    watch.lap("interpolation");
+    // A cancelled solve is summed up all the same: a fraction of a second, without asking again.
+    let mut rest = Part { observer: part.observer, from: SOLVER_SHARE, to: 1.0, stopped: false };
+    let measured = if status == Status::Cancelled {
+        None
+    } else {
+        balance(&scene, &bsp, &hierarchy, &active, settings.seed, &mut Counts::default(), &mut rest)
+    };
+    if status != Status::Cancelled && rest.stopped {
+        status = Status::Cancelled;
+    }
+    watch.lap("balance");
+    let mut report = Report {
+        version: VERSION.to_owned(),
+        scene: scene.name.clone(),
+        scene_hash: hex(&scene.hash),
+        settings: settings.clone(),
+        status,
+        bf_epsilon: parameters.thresholds.bf,
+        area_epsilon: parameters.thresholds.area,
+        energy_epsilon: match parameters.stop {
+            Stop::Change(epsilon) | Stop::Remainder(epsilon) => epsilon,
+        },
+        mean_irradiance: Rgb::ZERO,
+        polygons: scene.polygons.len() as u64,
+        lit_backs: [0, (scene.polygons.len() - scene.fronts) as u64],
+        fragments: bsp.fragments().len() as u64,
+        roots: hierarchy.elements.roots() as u64,
+        elements: hierarchy.elements.len() as u64,
+        leaves: hierarchy.elements.leaves().count() as u64,
+        elements_by_level: Vec::new(),
+        links: LinkReport::default(),
+        counts,
+        iterations,
+        energy: measured.map(|balance| Energy {
+            emitted: balance.emitted,
+            absorbed: balance.absorbed,
+            escaped: balance.escaped,
+            lost_to_backs: balance.lost_to_backs,
+            imbalance: balance.imbalance(),
+            standard_error: balance.standard_error / balance.emitted.mean(),
+            rays: balance.rays,
+        }),
+        row_sum: None,
+        phases: Vec::new(),
+        peak_memory: peak_memory(),
+        issues: scene.issues.clone(),
+    };
+    summarise(&scene, &hierarchy, &active, &mut report);
+    watch.lap("report");
+    report.phases = watch.phases;
+    Ok(Solution { scene, bsp, hierarchy, active, surfaces, report })
+}
+
+/// Fills in what follows from elements, links and light.
+fn summarise(scene: &Scene, hierarchy: &Hierarchy, active: &[bool], report: &mut Report) {
+    let Hierarchy { elements, links, light } = hierarchy;
+    for element in elements.as_slice() {
+        let depth = element.path.depth() as usize;
+        if report.elements_by_level.len() <= depth {
+            report.elements_by_level.resize(depth + 1, 0);
+        }
+        report.elements_by_level[depth] += 1;
+    }
+    for (_, link) in links.iter() {
+        report.links.total += 1;
+        match link.visibility() {
+            Some(visibility) if visibility >= 1.0 => report.links.full += 1,
+            Some(visibility) if visibility > 0.0 => report.links.partial += 1,
+            _ => report.links.none += 1,
+        }
+    }
+    report.lit_backs[0] = active[scene.fronts..].iter().filter(|&&active| active).count() as u64;
+    let fronts = (0..elements.roots() as u32).map(ElementId);
+    let fronts = fronts.filter(|&root| (elements.get(root).polygon as usize) < scene.fronts);
+    report.mean_irradiance =
+        fronts.map(|root| light.irradiance(root) * elements.get(root).area).sum::<Rgb>() / scene.area();
+    let name = |leaf: ElementId| scene.object_name(elements.get(leaf).polygon).to_owned();
+    report.row_sum = row_sums(hierarchy, active).map(|sums| RowSum {
+        largest: sums.largest.0,
+        largest_object: name(sums.largest.1),
+        smallest: sums.smallest.0,
+        smallest_object: name(sums.smallest.1),
+        mean: sums.mean,
+    });
 }
 
 impl Solution {
@@ -35,36 +235,78 @@ impl Solution {
         &self.report
     }
 
+    /// Elements, links and light.
+    #[must_use]
+    pub fn hierarchy(&self) -> &Hierarchy {
+        &self.hierarchy
+    }
+
+    /// The BSP tree that its rays walked.
+    #[must_use]
+    pub fn bsp(&self) -> &Bsp {
+        &self.bsp
+    }
+
     /// Smooth values at the vertices of a restricted mesh.
     #[must_use]
     pub fn mesh(&self) -> &SurfaceMesh {
-        &self.mesh
+        self.surfaces.mesh()
     }
 
-    /// Irradiance of the front at a point of an input face; `None` where no such face exists.
+    /// Irradiance of the front at a point of an input face, W/m² or lm/m²; `None` where no such face exists or where
+    /// it was dropped for want of area.
     #[must_use]
-    pub fn irradiance_at(&self, _face: u32, _barycentric: [f64; 3]) -> Option<Rgb> {
-        None
+    pub fn irradiance_at(&self, face: u32, barycentric: [f64; 3]) -> Option<Rgb> {
+        let &polygon = self.scene.face_polygon.get(face as usize)?;
+        let point = self.scene.position(face, barycentric);
+        (polygon != Scene::NO_POLYGON).then(|| self.surfaces.irradiance(&self.scene, polygon, point))
     }
 
-    /// Radiosity of the front at a point of an input face; `None` where no such face exists.
+    /// Radiosity `E + rho H` of the front at a point of an input face, W/m² or lm/m²; `None` as above.
     #[must_use]
-    pub fn radiosity_at(&self, _face: u32, _barycentric: [f64; 3]) -> Option<Rgb> {
-        None
+    pub fn radiosity_at(&self, face: u32, barycentric: [f64; 3]) -> Option<Rgb> {
+        let irradiance = self.irradiance_at(face, barycentric)?;
+        let polygon = &self.scene.polygons[self.scene.face_polygon[face as usize] as usize];
+        Some(polygon.emission + polygon.reflectance * irradiance)
     }
 
-    /// Everything as named arrays. `elements/*` (corners, area, polygon, parent, first_child, path, radiosity,
-    /// irradiance) and `links/*` (receiver, source, form_factor, visibility) are what Python shows as views.
+    /// Checks every invariant of scene, tree, links and light.
+    ///
+    /// # Errors
+    /// One line that names the first violation.
+    pub fn check(&self) -> Result<(), String> {
+        self.scene.check().map_err(|violation| violation.to_string())?;
+        self.bsp.check(&self.scene).map_err(|violation| violation.to_string())?;
+        self.hierarchy.elements.check().map_err(|violation| violation.to_string())?;
+        self.hierarchy.links.check(&self.hierarchy.elements, &self.scene).map_err(|violation| violation.to_string())?;
+        self.hierarchy.light.check(&self.scene, &self.hierarchy.elements).map_err(|violation| violation.to_string())
+    }
+
+    /// Everything as named arrays. `elements/*` (corners, corner_count, area, polygon, parent, first_child, path,
+    /// radiosity, irradiance) and `links/*` (receiver, source, form_factor, visibility) are what Python shows as
+    /// views; `scene/*` is the scene after validation.
     #[must_use]
     pub fn to_record(&self) -> Record {
-        Record { attributes: String::new(), arrays: Vec::new() }
+        crate::record::write(self)
     }
 
     /// A solution back from its arrays.
     ///
     /// # Errors
     /// [`RecordError`] naming the array that is missing or wrong.
-    pub fn from_record(_record: Record) -> Result<Solution, RecordError> {
-        Err(RecordError::Missing { name: "attributes".into() })
+    pub fn from_record(record: Record) -> Result<Solution, RecordError> {
+        crate::record::read(record)
     }
+}
+
+/// Lower-case hexadecimal.
+pub(crate) fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// High-water mark of the process's resident memory, bytes; 0 where the system has no `/proc`.
+fn peak_memory() -> u64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+    line.and_then(|line| line.trim().trim_end_matches("kB").trim().parse::<u64>().ok()).map_or(0, |kib| kib * 1024)
 }

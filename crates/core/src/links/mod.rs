@@ -1,1 +1,13 @@
-//! Links between elements: storage, and the refinement that decides which pairs exchange light.
+//! Links between elements: storage, evaluation of a pair, and the refinement that decides which pairs exchange light.
+
+mod check;
+mod evaluate;
+mod link;
+mod refine;
+mod store;
+
+pub use check::LinkViolation;
+pub use evaluate::Evaluator;
+pub use link::Link;
+pub use refine::{Hierarchy, refine};
+pub use store::Links;

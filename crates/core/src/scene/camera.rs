@@ -1,9 +1,11 @@
 //! Cameras of a scene file, as data; rendering is the facade's.
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 /// How a camera projects.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Projection {
     /// Vertical opening angle, radians.
     Perspective {
@@ -18,7 +20,7 @@ pub enum Projection {
 }
 
 /// A named camera in world coordinates.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Camera {
     /// Name in the file.
     pub name: String,

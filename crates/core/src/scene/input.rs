@@ -3,6 +3,7 @@
 use super::{AlphaMask, Camera};
 use crate::units::Rgb;
 use glam::{DVec2, DVec3};
+use serde::{Deserialize, Serialize};
 
 /// A scene as read, before validation. World coordinates, in the file's length unit.
 #[derive(Clone, Debug, Default)]
@@ -50,7 +51,7 @@ pub struct Face {
 }
 
 /// How a face reflects, emits and lets light pass, averaged over its area in linear space.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Surface {
     /// Diffuse reflectance of the opaque part, per band.
     pub reflectance: Rgb,
@@ -61,7 +62,8 @@ pub struct Surface {
 }
 
 /// How alpha is meant.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Alpha {
     /// Alpha is ignored.
     Opaque,
@@ -72,7 +74,7 @@ pub enum Alpha {
 }
 
 /// A material as read.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Material {
     /// Name, unique.
     pub name: String,
@@ -87,7 +89,7 @@ pub struct Material {
 }
 
 /// Use of an image as base-colour texture.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Texture {
     /// Index into [`SceneInput::images`].
     pub image: u32,
@@ -98,7 +100,8 @@ pub struct Texture {
 }
 
 /// What happens to texture coordinates outside `[0, 1]`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Wrap {
     /// Repeat.
     #[default]

@@ -98,6 +98,12 @@ impl Scene {
         &self.objects[self.polygons[polygon as usize].object as usize].name
     }
 
+    /// SHA-256 over polygons and masks as they are now; equals `hash` unless someone changed them.
+    #[must_use]
+    pub fn compute_hash(&self) -> [u8; 32] {
+        hash::hash(self)
+    }
+
     /// Position of a point given by face index and barycentric coordinates, metres.
     #[must_use]
     pub fn position(&self, face: u32, barycentric: [f64; 3]) -> DVec3 {

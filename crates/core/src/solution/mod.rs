@@ -1,7 +1,19 @@
 //! From links to light: gather, push and pull, convergence, and smooth values on a restricted mesh.
 
+mod backs;
+mod balance;
+mod interpolate;
+mod light;
 mod mesh;
+mod pilot;
 mod progress;
+mod solver;
+mod trace;
 
+pub use balance::{Balance, RowSums, balance, row_sums};
+pub use interpolate::SmoothSurfaces;
+pub use light::{Light, LightViolation, Update};
 pub use mesh::SurfaceMesh;
+pub use pilot::pilot_irradiance;
 pub use progress::{Flow, Observer, Phase, Progress, Unobserved};
+pub use solver::{Iteration, Parameters, Roots, Solver, Stop};

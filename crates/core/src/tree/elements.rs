@@ -72,6 +72,14 @@ impl Elements {
         Elements { nodes, planes, roots }
     }
 
+    /// Quadtrees from stored nodes: `nodes` as [`Elements::as_slice`] gave them, `planes` one per polygon. The caller
+    /// runs [`Elements::check`] on what it does not trust.
+    #[must_use]
+    pub fn from_nodes(nodes: Vec<Element>, planes: Vec<Plane>) -> Elements {
+        let roots = nodes.iter().take_while(|node| node.parent == ElementId::NONE).count() as u32;
+        Elements { nodes, planes, roots }
+    }
+
     /// Number of elements.
     #[must_use]
     pub fn len(&self) -> usize {

@@ -8,3 +8,5 @@ mod path;
 pub use bsp::{Bsp, BspViolation, InsertionOrder};
 pub use elements::{Element, ElementId, Elements, TreeViolation};
 pub use path::Path;
+
+pub(crate) use elements::{quadrant_of, quarter};

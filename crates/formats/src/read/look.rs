@@ -52,6 +52,8 @@ pub(super) enum Coverage {
     Mask(f64),
     /// As much as alpha says.
     Blend,
+    /// As much as the factor on alpha says; a texture's alpha is not looked at.
+    Factor,
 }
 
 /// A material before its textures are loaded.
@@ -82,7 +84,7 @@ impl Look {
     /// How the base-colour texture is read.
     pub(super) fn base_rule(&self) -> Rule {
         match self.coverage {
-            Coverage::Opaque => Rule::Colour,
+            Coverage::Opaque | Coverage::Factor => Rule::Colour,
             Coverage::Blend => Rule::Blend,
             Coverage::Mask(cutoff) => {
                 let solid = |alpha: &u16| f64::from(*alpha) / 255.0 * self.alpha >= cutoff;
@@ -125,6 +127,7 @@ impl Loaded {
             // Without a texture a face is there or not: its opacity says so.
             (Coverage::Mask(cutoff), None) if self.look.alpha < cutoff => Alpha::Attenuate,
             (Coverage::Blend, _) => Alpha::Attenuate,
+            (Coverage::Factor, _) if self.look.alpha < 1.0 => Alpha::Attenuate,
             _ if self.look.transmission > 0.0 => Alpha::Attenuate,
             _ => Alpha::Opaque,
         }
@@ -151,6 +154,7 @@ impl Loaded {
         let coverage = match look.coverage {
             Coverage::Opaque => 1.0,
             Coverage::Blend => weight.unwrap_or(1.0) * look.alpha * vertex[3],
+            Coverage::Factor => look.alpha,
             Coverage::Mask(cutoff) => weight.unwrap_or(if look.alpha >= cutoff { 1.0 } else { 0.0 }),
         }
         .clamp(0.0, 1.0);

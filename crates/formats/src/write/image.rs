@@ -41,7 +41,7 @@ impl Picture {
     }
 }
 
-/// How [`png`] writes.
+/// How [`png()`] writes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PngOptions {
     /// Factor on radiance before the tone map.

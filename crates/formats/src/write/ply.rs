@@ -43,10 +43,10 @@ pub fn ply(scene: &Scene, mesh: &SurfaceMesh, exposure: f64, provenance: &Proven
         header.push('\n');
     };
     for (key, value) in provenance.entries(Some(exposure)) {
-        line(&format!("comment isolux {key} {value}"));
+        comment(&mut line, &format!("isolux {key} {value}"));
     }
     for (index, object) in scene.objects.iter().enumerate() {
-        line(&format!("comment object {index} {}", object.name));
+        comment(&mut line, &format!("object {index} {}", object.name));
     }
     line(&format!("element vertex {}", mesh.positions.len()));
     for name in VERTEX {
@@ -77,4 +77,9 @@ pub fn ply(scene: &Scene, mesh: &SurfaceMesh, exposure: f64, provenance: &Proven
         }
     }
     Ok(file)
+}
+
+/// A comment line. Readers that look for the header's last word anywhere in a line (trimesh 5 does) do not find it.
+fn comment(line: &mut impl FnMut(&str), text: &str) {
+    line(&format!("comment {}", text.replace("end_header", "end-header")));
 }

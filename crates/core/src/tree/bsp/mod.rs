@@ -15,6 +15,7 @@
 //! is `tau` larger than its corners say, so that polygons with a common edge overlap there and are watertight; a hit
 //! within `tau` of the plane of either end of a ray does not count. See `docs/theory/visibility.md`.
 
+mod beam;
 mod check;
 mod cut;
 mod order;
@@ -26,13 +27,13 @@ pub use cut::{Cut, Pieces, cut};
 pub use order::InsertionOrder;
 pub use ray::Hit;
 
-pub(crate) use ray::Segment;
-
 use crate::kernels::{NoProbe, Probe};
 use crate::scene::{Corners, Plane, Scene};
+pub(crate) use beam::{Beam, Packet, Verdict};
 use glam::DVec3;
+pub(crate) use ray::Segment;
 use std::ops::Range;
-use surface::Surface;
+pub(crate) use surface::Surface;
 
 /// Boxes and sides of planes are taken this many tolerances larger than the fragments in them. A hit lies up to
 /// `sqrt(3) tau` outside of its polygon's corners (the margin `tau` in the two coordinates that the polygon is projected
@@ -229,9 +230,9 @@ impl Node {
     fn grow(&mut self, corners: &Corners, margin: f64) {
         for corner in corners.iter() {
             let corner: [f64; 3] = DVec3::to_array(corner);
-            for axis in 0..3 {
-                self.lower[axis] = self.lower[axis].min(corner[axis] - margin);
-                self.upper[axis] = self.upper[axis].max(corner[axis] + margin);
+            for (axis, x) in corner.into_iter().enumerate() {
+                self.lower[axis] = self.lower[axis].min(x - margin);
+                self.upper[axis] = self.upper[axis].max(x + margin);
             }
         }
     }

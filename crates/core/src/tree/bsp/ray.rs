@@ -193,9 +193,9 @@ impl Bsp {
         while let Some(index) = stack.pop() {
             let node = &self.nodes[index as usize];
             let (mut t_near, mut t_far) = (segment.t_min, segment.t_max);
-            for axis in 0..3 {
-                let t0 = (node.lower[axis] - segment.origin[axis]) * inverse[axis];
-                let t1 = (node.upper[axis] - segment.origin[axis]) * inverse[axis];
+            for (axis, inverse) in inverse.iter().enumerate() {
+                let t0 = (node.lower[axis] - segment.origin[axis]) * inverse;
+                let t1 = (node.upper[axis] - segment.origin[axis]) * inverse;
                 t_near = t_near.max(t0.min(t1));
                 t_far = t_far.min(t0.max(t1));
             }

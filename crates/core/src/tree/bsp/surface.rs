@@ -18,7 +18,7 @@ pub(crate) struct Surface {
     pub(super) axis_v: u8,
     band_count: u8,
     /// Stops light altogether: no mask, opacity 1.
-    pub(super) opaque: bool,
+    pub(crate) opaque: bool,
     pub(super) middle: [f64; 2],
     pub(super) half: [f64; 2],
     bands: [[f64; 4]; 4],

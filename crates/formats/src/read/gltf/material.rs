@@ -153,7 +153,8 @@ fn texture_map(document: &Document<'_>, material: &str, info: &TextureInfo) -> R
         transform: transform.map_or(UvTransform::IDENTITY, |transform| {
             let scale = DVec2::from_array(transform.scale.unwrap_or([1.0; 2]));
             let (sin, cos) = transform.rotation.unwrap_or(0.0).sin_cos();
-            // KHR_texture_transform: translation * rotation * scale, the angle turning from +v to +u.
+            // KHR_texture_transform: translation * rotation * scale. The angle is counter-clockwise seen with v
+            // downwards; the listing in the extension's text once turned the other way (KhronosGroup/glTF#1563).
             UvTransform {
                 column_u: DVec2::new(cos, -sin) * scale.x,
                 column_v: DVec2::new(sin, cos) * scale.y,

@@ -1,0 +1,59 @@
+//! The canonical evaluation of a pair: two elements go in, their form factor and visibility come out, the same
+//! numbers whichever of the two asks.
+
+use crate::kernels::Probe;
+use crate::kernels::form_factor::{FormFactor, exchange_area};
+use crate::kernels::visibility::{Rays, visibility};
+use crate::sampling::mix;
+use crate::scene::Scene;
+use crate::tree::{Bsp, ElementId, Elements};
+
+/// Evaluates pairs of elements of one scene.
+#[derive(Clone, Copy, Debug)]
+pub struct Evaluator<'a> {
+    /// The scene.
+    pub scene: &'a Scene,
+    /// Its surfaces, for rays.
+    pub bsp: &'a Bsp,
+    /// Form factor kernel.
+    pub form_factor: FormFactor,
+    /// Rays per visibility.
+    pub rays: Rays,
+    /// Seed of the sample points.
+    pub seed: u64,
+}
+
+impl Evaluator<'_> {
+    /// Exchange area `A_a F_ab = A_b F_ba` of two elements, m², unoccluded.
+    #[must_use]
+    pub fn exchange_area<P: Probe>(&self, elements: &Elements, a: ElementId, b: ElementId, probe: &mut P) -> f64 {
+        let (a, b) = canonical(elements, a, b);
+        exchange_area(&elements.patch(a), &elements.patch(b), self.form_factor, probe)
+    }
+
+    /// Form factor from receiver to source, in `[0, 1]`, unoccluded.
+    #[must_use]
+    pub fn form_factor<P: Probe>(
+        &self,
+        elements: &Elements,
+        receiver: ElementId,
+        source: ElementId,
+        probe: &mut P,
+    ) -> f64 {
+        (self.exchange_area(elements, receiver, source, probe) / elements.get(receiver).area).min(1.0)
+    }
+
+    /// Share of the pair's rays that pass, in `[0, 1]`.
+    #[must_use]
+    pub fn visibility<P: Probe>(&self, elements: &Elements, a: ElementId, b: ElementId, probe: &mut P) -> f64 {
+        let (a, b) = canonical(elements, a, b);
+        let names = [elements.get(a).path.to_bits(), elements.get(b).path.to_bits()];
+        let seed = names.into_iter().fold(self.seed, |seed, name| mix(seed ^ name));
+        visibility(self.bsp, self.scene, &elements.patch(a), &elements.patch(b), self.rays, seed, probe)
+    }
+}
+
+/// The pair in the order of paths.
+fn canonical(elements: &Elements, a: ElementId, b: ElementId) -> (ElementId, ElementId) {
+    if elements.get(a).path <= elements.get(b).path { (a, b) } else { (b, a) }
+}

@@ -1,0 +1,163 @@
+//! Checks that need not come out right: an energy balance whose losses are measured by rays that know nothing of
+//! links, and sums of form factors over the rows of the system.
+
+use super::trace::trace;
+use super::{Flow, Observer, Phase, Progress};
+use crate::kernels::Probe;
+use crate::links::Hierarchy;
+use crate::sampling::{Stream, mix};
+use crate::scene::Scene;
+use crate::tree::{Bsp, ElementId};
+use crate::units::Rgb;
+
+/// Rays of the balance: a loss of half of all light comes out within 0.2 % of the light that travels.
+const RAYS: u64 = 1 << 16;
+
+/// Where the emitted power went, per band, W or lm.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Balance {
+    /// Emitted by all surfaces.
+    pub emitted: Rgb,
+    /// Turned to heat: `sum A (opacity - rho) H` over the leaves, from the solution.
+    pub absorbed: Rgb,
+    /// Left the scene, by rays.
+    pub escaped: Rgb,
+    /// Ended on black backs, or on backs that were overlooked, by rays.
+    pub lost_to_backs: Rgb,
+    /// Standard error of `escaped + lost_to_backs`, mean over bands.
+    pub standard_error: f64,
+    /// Rays shot.
+    pub rays: u64,
+}
+
+impl Balance {
+    /// `(absorbed + escaped + lost - emitted) / emitted`, of the means over bands: what is missing or too much.
+    #[must_use]
+    pub fn imbalance(&self) -> f64 {
+        let emitted = self.emitted.mean();
+        if emitted > 0.0 {
+            ((self.absorbed + self.escaped + self.lost_to_backs).mean() - emitted) / emitted
+        } else {
+            0.0
+        }
+    }
+}
+
+/// Measures the balance. Each ray starts at a random point of the surfaces with probability proportional to the light
+/// that leaves there. `None` when the observer stopped it.
+pub fn balance<P: Probe>(
+    scene: &Scene,
+    bsp: &Bsp,
+    hierarchy: &Hierarchy,
+    active: &[bool],
+    seed: u64,
+    probe: &mut P,
+    observer: &mut dyn Observer,
+) -> Option<Balance> {
+    let Hierarchy { elements, light, .. } = hierarchy;
+    let leaves: Vec<ElementId> =
+        elements.leaves().filter(|&leaf| active[elements.get(leaf).polygon as usize]).collect();
+    let leaving: Vec<f64> = leaves.iter().map(|&leaf| light.radiosity(leaf).mean() * elements.get(leaf).area).collect();
+    let total: f64 = leaving.iter().sum();
+    let absorbed = leaves
+        .iter()
+        .map(|&leaf| {
+            let element = elements.get(leaf);
+            scene.polygons[element.polygon as usize].absorptance() * light.irradiance(leaf) * element.area
+        })
+        .sum();
+    let mut balance = Balance {
+        emitted: scene.emitted_power(),
+        absorbed,
+        escaped: Rgb::ZERO,
+        lost_to_backs: Rgb::ZERO,
+        standard_error: 0.0,
+        rays: 0,
+    };
+    if total <= 0.0 {
+        return Some(balance);
+    }
+    let mut squares = 0.0;
+    let (mut at, mut passed) = (0, 0.0);
+    for ray in 0..RAYS {
+        if ray % 1024 == 0 {
+            let done = ray as f64 / RAYS as f64;
+            let progress = Progress {
+                phase: Phase::Balance,
+                done,
+                iteration: 0,
+                residual: 0.0,
+                elements: elements.len(),
+                links: 0,
+            };
+            if observer.observe(&progress) == Flow::Stop {
+                return None;
+            }
+        }
+        let mut stream = Stream::new(mix(seed ^ 0x6261_6c61_6e63_65) ^ ray);
+        let target = (ray as f64 + stream.next_unit()) / RAYS as f64 * total;
+        while at + 1 < leaves.len() && passed + leaving[at] <= target {
+            passed += leaving[at];
+            at += 1;
+        }
+        let element = elements.get(leaves[at]);
+        let plane = &scene.polygons[element.polygon as usize].plane;
+        let origin = stream.point(&element.corners, plane);
+        let direction = stream.cosine_direction(plane.normal);
+        let radiosity = light.radiosity(leaves[at]);
+        let carried = radiosity * (total / RAYS as f64 / radiosity.mean());
+        let lost = match trace(scene, bsp, plane, origin, direction, &mut stream, probe) {
+            None => Some(&mut balance.escaped),
+            Some(ending) if !ending.side.is_some_and(|side| active[side as usize]) => Some(&mut balance.lost_to_backs),
+            Some(_) => None,
+        };
+        if let Some(lost) = lost {
+            *lost += carried;
+            squares += carried.mean() * carried.mean();
+        }
+    }
+    balance.rays = RAYS;
+    let loss = (balance.escaped + balance.lost_to_backs).mean();
+    balance.standard_error = (squares - loss * loss / RAYS as f64).max(0.0).sqrt();
+    Some(balance)
+}
+
+/// Sums of `F V` over the links of a leaf and its ancestors: in a closed scene, 1 everywhere.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RowSums {
+    /// Largest sum and its leaf.
+    pub largest: (f64, ElementId),
+    /// Smallest sum and its leaf.
+    pub smallest: (f64, ElementId),
+    /// Area-weighted mean.
+    pub mean: f64,
+}
+
+/// Measures the row sums over the leaves of active polygons; `None` when there is none.
+#[must_use]
+pub fn row_sums(hierarchy: &Hierarchy, active: &[bool]) -> Option<RowSums> {
+    let Hierarchy { elements, links, .. } = hierarchy;
+    let mut sums = vec![0.0; elements.len()];
+    let mut found: Option<RowSums> = None;
+    let mut area = 0.0;
+    // Parents come before their children.
+    for (index, element) in elements.as_slice().iter().enumerate() {
+        let id = ElementId(index as u32);
+        let above = element.parent.some().map_or(0.0, |parent| sums[parent.index()]);
+        let sum = above + links.of(id).iter().map(super::super::links::Link::weight).sum::<f64>();
+        sums[index] = sum;
+        if !elements.is_leaf(id) || !active[element.polygon as usize] {
+            continue;
+        }
+        let record = found.get_or_insert(RowSums { largest: (sum, id), smallest: (sum, id), mean: 0.0 });
+        if sum > record.largest.0 {
+            record.largest = (sum, id);
+        }
+        if sum < record.smallest.0 {
+            record.smallest = (sum, id);
+        }
+        record.mean += sum * element.area;
+        area += element.area;
+    }
+    found.map(|record| RowSums { mean: record.mean / area, ..record })
+}

@@ -1,0 +1,466 @@
+//! The sequential solver: a scene and its tree go in, refinement alternates with gathering until the total settles,
+//! a hierarchy with light comes out. Time is the caller's.
+
+use super::backs::LazyBacks;
+use super::{Flow, Light, Observer, Phase, Progress, Update};
+use crate::kernels::Probe;
+use crate::kernels::form_factor::FormFactor;
+use crate::kernels::oracle::Thresholds;
+use crate::kernels::visibility::Rays;
+use crate::links::{Evaluator, Hierarchy, Link, Links, refine};
+use crate::scene::{Plane, Scene, Side};
+use crate::tree::{Bsp, ElementId, Elements};
+use crate::units::Rgb;
+use std::ops::Range;
+
+/// What the roots of the quadtrees are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Roots {
+    /// The input polygons; the BSP tree's fragments only block rays.
+    #[default]
+    Polygons,
+    /// The BSP tree's fragments, as in the paper.
+    Fragments,
+}
+
+/// When the iteration ends.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Stop {
+    /// The total radiosity changed by at most this share (the paper's rule).
+    Change(f64),
+    /// What is still to come changes it by at most this share: the last change times `q / (1 - q)`, where q is the
+    /// ratio of the last two changes.
+    Remainder(f64),
+}
+
+/// Parameters of a solve, absolute.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Parameters {
+    /// `BF_eps` and `A_eps`.
+    pub thresholds: Thresholds,
+    /// When the iteration ends.
+    pub stop: Stop,
+    /// When a new radiosity is seen by others.
+    pub update: Update,
+    /// What the roots are.
+    pub roots: Roots,
+    /// Form factor kernel.
+    pub form_factor: FormFactor,
+    /// Rays per visibility.
+    pub rays: Rays,
+    /// Seed of sample points.
+    pub seed: u64,
+}
+
+/// What an iteration did.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Iteration {
+    /// Sum of area times radiosity at its end, W or lm.
+    pub total: Rgb,
+    /// Relative change of the total (mean over bands).
+    pub residual: f64,
+    /// Is the iteration at its end by [`Stop`]?
+    pub converged: bool,
+}
+
+/// The share of the first iteration in all work, where it is not known yet: 0.81 of visibilities and 0.75 to 0.80 of
+/// time in SPLASH-2's run of its room.
+const FIRST_ITERATION_SHARE: f64 = 0.75;
+
+/// Work of one gathered link in units of one visibility, for the estimate of progress only.
+const GATHER_WORK: f64 = 0.01;
+
+/// Visibilities between two calls of the observer: about a millisecond of work.
+const WATCH_INTERVAL: u64 = 256;
+
+/// A solve in progress.
+#[derive(Debug)]
+pub struct Solver<'a, P> {
+    evaluator: Evaluator<'a>,
+    parameters: Parameters,
+    hierarchy: Hierarchy,
+    roots_of: Vec<Range<u32>>,
+    active: Vec<bool>,
+    backs: LazyBacks,
+    /// What kernels did so far.
+    pub probe: P,
+    forecast: Forecast,
+    iterations: Vec<Iteration>,
+}
+
+impl<'a, P: Probe + Default> Solver<'a, P> {
+    /// Roots without links, lit by their own emission only.
+    #[must_use]
+    pub fn new(scene: &'a Scene, bsp: &'a Bsp, parameters: Parameters) -> Solver<'a, P> {
+        let planes: Vec<Plane> = scene.polygons.iter().map(|polygon| polygon.plane).collect();
+        let mut roots = Vec::new();
+        let mut roots_of = Vec::with_capacity(scene.polygons.len());
+        let mut fragments_of = vec![Vec::new(); scene.fronts];
+        for fragment in bsp.fragments() {
+            fragments_of[fragment.polygon as usize].push(fragment.corners);
+        }
+        for (index, polygon) in scene.polygons.iter().enumerate() {
+            let first = roots.len() as u32;
+            match (parameters.roots, polygon.side, polygon.twin) {
+                (Roots::Polygons, ..) => roots.push((polygon.corners, index as u32)),
+                (Roots::Fragments, Side::Back, Some(front)) => {
+                    roots.extend(fragments_of[front as usize].iter().map(|corners| (corners.reversed(), index as u32)))
+                }
+                (Roots::Fragments, ..) => {
+                    roots.extend(fragments_of[index].iter().map(|&corners| (corners, index as u32)));
+                }
+            }
+            roots_of.push(first..roots.len() as u32);
+        }
+        let elements = Elements::new(roots, planes);
+        let links = Links::new(elements.len());
+        let light = Light::emitted(scene, &elements, parameters.update);
+        let active = scene.polygons.iter().map(|polygon| polygon.side == Side::Front || polygon.emission != Rgb::ZERO);
+        let active: Vec<bool> = active.collect();
+        let Parameters { form_factor, rays, seed, .. } = parameters;
+        Solver {
+            evaluator: Evaluator { scene, bsp, form_factor, rays, seed },
+            parameters,
+            hierarchy: Hierarchy { elements, links, light },
+            backs: LazyBacks::new(scene, bsp, &active, seed),
+            roots_of,
+            active,
+            probe: P::default(),
+            forecast: Forecast::default(),
+            iterations: Vec::new(),
+        }
+    }
+
+    /// Quadtrees, links and light as they stand.
+    #[must_use]
+    pub fn hierarchy(&self) -> &Hierarchy {
+        &self.hierarchy
+    }
+
+    /// Iterations so far.
+    #[must_use]
+    pub fn iterations(&self) -> &[Iteration] {
+        &self.iterations
+    }
+
+    /// For each polygon: does it take part (all fronts, and the backs that light has reached)?
+    #[must_use]
+    pub fn active(&self) -> &[bool] {
+        &self.active
+    }
+
+    /// Links every pair of roots that see each other's front: form factor and visibility once per pair, for both
+    /// directions.
+    pub fn link_roots(&mut self, observer: &mut dyn Observer) -> Flow {
+        let polygons: Vec<u32> = (0..self.active.len() as u32).filter(|&index| self.active[index as usize]).collect();
+        for (count, &one) in polygons.iter().enumerate() {
+            let done = self.forecast.root_links(count as f64 / polygons.len() as f64);
+            if self.report(observer, Phase::RootLinks, done) == Flow::Stop {
+                return self.cancel();
+            }
+            for &two in &polygons[..count] {
+                self.link_pair(one, two);
+            }
+        }
+        self.sort_root_lists();
+        Flow::Continue
+    }
+
+    /// Links all roots of two polygons.
+    fn link_pair(&mut self, one: u32, two: u32) {
+        let scene = self.evaluator.scene;
+        let (p, q) = (&scene.polygons[one as usize], &scene.polygons[two as usize]);
+        let in_front = |plane: &Plane, corners: &[glam::DVec3]| corners.iter().any(|&c| plane.distance(c) > 0.0);
+        if !(in_front(&p.plane, &q.corners) && in_front(&q.plane, &p.corners)) {
+            return;
+        }
+        for a in self.roots_of[one as usize].clone().map(ElementId) {
+            for b in self.roots_of[two as usize].clone().map(ElementId) {
+                let Hierarchy { elements, links, .. } = &mut self.hierarchy;
+                let exchange = self.evaluator.exchange_area(elements, a, b, &mut self.probe);
+                if exchange > 0.0 {
+                    let visibility = self.evaluator.visibility(elements, a, b, &mut self.probe);
+                    for (receiver, source) in [(a, b), (b, a)] {
+                        let form_factor = (exchange / elements.get(receiver).area).min(1.0);
+                        links.push(receiver, Link::new(source, form_factor, visibility));
+                    }
+                }
+            }
+        }
+    }
+
+    fn sort_root_lists(&mut self) {
+        let Hierarchy { elements, links, .. } = &mut self.hierarchy;
+        for root in (0..elements.roots() as u32).map(ElementId) {
+            let list = links.take(root);
+            links.put(root, list, elements);
+        }
+    }
+
+    /// One iteration: wakes backs that light has reached, refines and gathers every root, pulls, and measures the
+    /// change. `None` when the observer stopped it: the hierarchy is then consistent but unfinished.
+    pub fn iterate(&mut self, observer: &mut dyn Observer) -> Option<Iteration> {
+        self.wake_backs();
+        let before = self.hierarchy.light.total(&self.hierarchy.elements).mean();
+        let roots: Vec<ElementId> = self.active_roots();
+        let estimates: Vec<f64> = roots.iter().map(|&root| self.estimate(root)).collect();
+        self.forecast.begin_iteration(estimates.iter().sum(), self.iterations.len());
+        for (root, estimate) in roots.into_iter().zip(estimates) {
+            if self.visit(root, Rgb::ZERO, observer) == Flow::Stop {
+                self.cancel();
+                return None;
+            }
+            self.forecast.root_done(estimate);
+        }
+        self.hierarchy.light.publish();
+        let total = self.hierarchy.light.total(&self.hierarchy.elements);
+        let change = (total.mean() - before).abs();
+        let residual = if total.mean() > 0.0 { change / total.mean() } else { 0.0 };
+        let converged = self.is_converged(residual);
+        let iteration = Iteration { total, residual, converged };
+        self.iterations.push(iteration);
+        self.forecast.end_iteration();
+        (self.report(observer, Phase::Iteration, self.forecast.done()) == Flow::Continue).then_some(iteration)
+    }
+
+    fn is_converged(&self, residual: f64) -> bool {
+        match self.parameters.stop {
+            Stop::Change(epsilon) => residual <= epsilon,
+            Stop::Remainder(epsilon) => {
+                let previous = self.iterations.last().map_or(f64::INFINITY, |iteration| iteration.residual);
+                // Without a contraction yet (first iterations, growth) nothing can be said of what is to come.
+                let ratio = if residual == 0.0 { 0.0 } else { residual / previous };
+                previous.is_finite()
+                    && ratio < 1.0
+                    && residual * ratio / (1.0 - ratio) <= epsilon
+                    && residual <= 10.0 * epsilon
+            }
+        }
+    }
+
+    fn active_roots(&self) -> Vec<ElementId> {
+        let active = self.roots_of.iter().zip(&self.active).filter(|&(_, &active)| active);
+        active.flat_map(|(roots, _)| roots.clone().map(ElementId)).collect()
+    }
+
+    fn wake_backs(&mut self) {
+        let woken = self.backs.wake(|polygon| {
+            let roots = self.roots_of[polygon as usize].clone();
+            roots.into_iter().any(|root| self.hierarchy.light.radiosity(ElementId(root)).max_component() > 0.0)
+        });
+        if woken.is_empty() {
+            return;
+        }
+        for back in woken {
+            for other in (0..self.active.len() as u32).filter(|&other| self.active[other as usize]).collect::<Vec<_>>()
+            {
+                self.link_pair(back, other);
+            }
+            self.active[back as usize] = true;
+        }
+        self.sort_root_lists();
+    }
+
+    /// Refines and gathers an element and all below it; `arriving` is what its ancestors gathered.
+    fn visit(&mut self, id: ElementId, arriving: Rgb, observer: &mut dyn Observer) -> Flow {
+        let Solver { evaluator, parameters, hierarchy, probe, forecast, iterations, .. } = self;
+        let residual = iterations.last().map_or(f64::INFINITY, |iteration| iteration.residual);
+        let mut watch = |hierarchy: &Hierarchy| {
+            forecast.visibility();
+            if !forecast.visibilities.is_multiple_of(WATCH_INTERVAL) {
+                return true;
+            }
+            let progress = Progress {
+                phase: Phase::Iteration,
+                done: forecast.done(),
+                iteration: iterations.len() as u32,
+                residual,
+                elements: hierarchy.elements.len(),
+                // Counting links would cost more than the work between two calls.
+                links: forecast.links,
+            };
+            observer.observe(&progress) == Flow::Continue
+        };
+        if !refine(id, evaluator, &parameters.thresholds, hierarchy, probe, &mut watch) {
+            return Flow::Stop;
+        }
+        let arriving = arriving + self.gather(id);
+        if self.hierarchy.elements.is_leaf(id) {
+            self.settle_leaf(id, arriving);
+        } else {
+            for child in self.hierarchy.elements.children(id) {
+                if self.visit(child, arriving, observer) == Flow::Stop {
+                    return Flow::Stop;
+                }
+            }
+            self.hierarchy.light.pull(id, &self.hierarchy.elements);
+        }
+        Flow::Continue
+    }
+
+    /// `sum F V B` over the element's own links.
+    fn gather(&mut self, id: ElementId) -> Rgb {
+        let list = self.hierarchy.links.of(id);
+        self.forecast.gathered(list.len());
+        list.iter()
+            .map(|link| {
+                self.probe.gather();
+                self.hierarchy.light.radiosity(link.source) * link.weight()
+            })
+            .sum()
+    }
+
+    fn settle_leaf(&mut self, id: ElementId, irradiance: Rgb) {
+        let polygon = &self.evaluator.scene.polygons[self.hierarchy.elements.get(id).polygon as usize];
+        self.hierarchy.light.set(id, irradiance, polygon.emission + polygon.reflectance * irradiance);
+    }
+
+    /// Drops what is unfinished and gathers once over what is there, so that every invariant holds.
+    fn cancel(&mut self) -> Flow {
+        self.hierarchy.links.drop_open();
+        self.sort_root_lists();
+        for root in self.active_roots() {
+            self.regather(root, Rgb::ZERO);
+        }
+        self.hierarchy.light.publish();
+        Flow::Stop
+    }
+
+    fn regather(&mut self, id: ElementId, arriving: Rgb) {
+        let arriving = arriving + self.gather(id);
+        if self.hierarchy.elements.is_leaf(id) {
+            self.settle_leaf(id, arriving);
+            return;
+        }
+        for child in self.hierarchy.elements.children(id) {
+            self.regather(child, arriving);
+        }
+        self.hierarchy.light.pull(id, &self.hierarchy.elements);
+    }
+
+    /// Estimated visibilities that refining a root will take. A link that carries k times `BF_eps` ends in about k²
+    /// links: every quartering of the source divides what it carries by 4 and alternates with one of the receiver.
+    fn estimate(&self, root: ElementId) -> f64 {
+        let Hierarchy { elements, links, light } = &self.hierarchy;
+        let own: f64 = links
+            .of(root)
+            .iter()
+            .map(|link| {
+                let excess = link.weight() * light.radiosity(link.source).mean() / self.parameters.thresholds.bf;
+                let limit =
+                    elements.get(root).area.max(elements.get(link.source).area) / self.parameters.thresholds.area;
+                if excess > 1.0 { (excess * excess).min(limit * limit).max(1.0) } else { GATHER_WORK }
+            })
+            .sum();
+        own + GATHER_WORK
+    }
+
+    fn report(&self, observer: &mut dyn Observer, phase: Phase, done: f64) -> Flow {
+        let residual = self.iterations.last().map_or(f64::INFINITY, |iteration| iteration.residual);
+        observer.observe(&Progress {
+            phase,
+            done,
+            iteration: self.iterations.len() as u32,
+            residual,
+            elements: self.hierarchy.elements.len(),
+            links: self.hierarchy.links.len(),
+        })
+    }
+
+    /// Ends the solve: gives back spare memory and hands out what was made.
+    #[must_use]
+    pub fn finish(mut self) -> (Hierarchy, Vec<bool>, Vec<Iteration>, P) {
+        self.hierarchy.links.shrink();
+        (self.hierarchy, self.active, self.iterations, self.probe)
+    }
+}
+
+/// How much work is left, in units of one visibility: a measure for progress bars, corrected as work is done.
+#[derive(Debug, Default)]
+struct Forecast {
+    visibilities: u64,
+    links: usize,
+    gathers: f64,
+    /// Work of finished iterations.
+    finished: Vec<f64>,
+    /// Work when this iteration began.
+    started: f64,
+    estimated: f64,
+    estimated_done: f64,
+    /// Work done when the last root ended.
+    at_last_root: f64,
+    shown: std::cell::Cell<f64>,
+}
+
+impl Forecast {
+    /// Share of progress that the links of the roots stand for before anything is known.
+    const ROOT_LINKS: f64 = 0.05;
+
+    fn root_links(&mut self, share: f64) -> f64 {
+        // Pairs grow with the square of the polygons done.
+        self.shown.set(Forecast::ROOT_LINKS * share * share);
+        self.shown.get()
+    }
+
+    fn work(&self) -> f64 {
+        self.visibilities as f64 + self.gathers * GATHER_WORK
+    }
+
+    fn visibility(&mut self) {
+        self.visibilities += 1;
+    }
+
+    fn gathered(&mut self, links: usize) {
+        self.gathers += links as f64;
+        self.links += links;
+    }
+
+    fn begin_iteration(&mut self, estimated: f64, _iteration: usize) {
+        self.links = 0;
+        self.started = self.work();
+        self.at_last_root = self.started;
+        self.estimated = estimated;
+        self.estimated_done = 0.0;
+    }
+
+    fn root_done(&mut self, estimate: f64) {
+        self.estimated_done += estimate;
+        self.at_last_root = self.work();
+    }
+
+    fn end_iteration(&mut self) {
+        self.finished.push(self.work() - self.started);
+        self.started = self.work();
+        (self.estimated, self.estimated_done) = (0.0, 0.0);
+    }
+
+    /// Share of all work that is done; never decreases.
+    fn done(&self) -> f64 {
+        let now = self.work() - self.started;
+        // What the roots done so far took per estimated unit; before the first one, the estimate itself.
+        let rate =
+            if self.estimated_done > 0.0 { (self.at_last_root - self.started) / self.estimated_done } else { 1.0 };
+        let this = (self.estimated * rate).max(now);
+        let past: f64 = self.finished.iter().sum();
+        let later = match self.finished[..] {
+            [] => this * (1.0 / FIRST_ITERATION_SHARE - 1.0),
+            [.., last] => {
+                let first = self.finished[0];
+                // Later iterations shrink geometrically; half where nothing is known better.
+                let ratio = if self.finished.len() > 1 {
+                    (last / first).powf(1.0 / (self.finished.len() - 1) as f64)
+                } else {
+                    0.5
+                };
+                let ratio = ratio.clamp(0.05, 0.8);
+                (if self.estimated > 0.0 { this } else { last }) * ratio / (1.0 - ratio)
+            }
+        };
+        let total = past + this + later;
+        let share = if total > 0.0 { (past + now) / total } else { 0.0 };
+        let done = (Forecast::ROOT_LINKS + (1.0 - Forecast::ROOT_LINKS) * share).clamp(self.shown.get(), 1.0);
+        self.shown.set(done);
+        done
+    }
+}
