@@ -110,7 +110,7 @@ impl Scene {
 
     /// Raises InternalError where an invariant of the scene is broken.
     fn check(&self, py: Python<'_>) -> PyResult<()> {
-        guarded(py, || Ok::<(), isolux::core::scene::SceneViolation>(()))?.map_err(to_python)
+        guarded(py, || self.inner.check())?.map_err(to_python)
     }
 
     /// Name of the scene.
