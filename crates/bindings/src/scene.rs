@@ -35,7 +35,10 @@ impl Scene {
 }
 
 /// Name, reflectance, emission, two-sided, opacity.
-type MaterialTuple = (String, [f64; 3], [f64; 3], bool, f64);
+type MaterialTuple = (String, Triple, Triple, bool, f64);
+
+/// Three numbers as Python's tuple: bands or coordinates.
+type Triple = (f64, f64, f64);
 
 #[pymethods]
 impl Scene {
@@ -99,7 +102,7 @@ impl Scene {
             .into_iter()
             .map(|(name, reflectance, emission, two_sided, opacity)| Material {
                 name,
-                surface: Surface { reflectance: Rgb(reflectance), emission: Rgb(emission), opacity },
+                surface: Surface { reflectance: Rgb(reflectance.into()), emission: Rgb(emission.into()), opacity },
                 two_sided,
                 alpha: if opacity < 1.0 { Alpha::Attenuate } else { Alpha::Opaque },
                 texture: None,
@@ -157,7 +160,7 @@ impl Scene {
     fn materials(&self) -> Vec<MaterialTuple> {
         let tuple = |material: &Material| {
             let Surface { reflectance, emission, opacity } = material.surface;
-            (material.name.clone(), reflectance.0, emission.0, material.two_sided, opacity)
+            (material.name.clone(), reflectance.0.into(), emission.0.into(), material.two_sided, opacity)
         };
         self.inner.materials.iter().map(tuple).collect()
     }
@@ -185,7 +188,7 @@ impl Scene {
 
     /// Objects that emit, in file order: (object, material, polygons, area in m², emitted power per band).
     #[getter]
-    fn lights(&self) -> Vec<(String, String, usize, f64, [f64; 3])> {
+    fn lights(&self) -> Vec<(String, String, usize, f64, Triple)> {
         let mut lights: Vec<(u32, u32, usize, f64, Rgb)> = Vec::new();
         for polygon in self.inner.polygons.iter().filter(|polygon| polygon.emission != Rgb::ZERO) {
             let power = polygon.emission * polygon.area;
@@ -203,15 +206,15 @@ impl Scene {
         let names = |(object, material, polygons, area, power): (u32, u32, usize, f64, Rgb)| {
             let object = self.inner.objects[object as usize].name.clone();
             let material = self.inner.materials[material as usize].name.clone();
-            (object, material, polygons, area, power.0)
+            (object, material, polygons, area, power.0.into())
         };
         lights.into_iter().map(names).collect()
     }
 
     /// Emitted power per band, W or lm.
     #[getter]
-    fn emitted_power(&self) -> [f64; 3] {
-        self.inner.emitted_power().0
+    fn emitted_power(&self) -> Triple {
+        self.inner.emitted_power().0.into()
     }
 
     /// Area of all fronts, m².
@@ -222,11 +225,11 @@ impl Scene {
 
     /// Lowest and highest corner, metres.
     #[getter]
-    fn bounds(&self) -> [[f64; 3]; 2] {
+    fn bounds(&self) -> (Triple, Triple) {
         let corners = || self.inner.polygons.iter().flat_map(|polygon| polygon.corners.iter().copied());
         let low = corners().fold(DVec3::INFINITY, DVec3::min);
         let high = corners().fold(DVec3::NEG_INFINITY, DVec3::max);
-        [low.to_array(), high.to_array()]
+        (low.into(), high.into())
     }
 
     /// Counts of polygons by what they are.

@@ -76,8 +76,8 @@ def run(arguments: Sequence[str]) -> int:
     except KeyboardInterrupt:
         say("cancelled")
         return CANCELLED
-    except BrokenPipeError:
-        # Whoever read the output has seen enough; what is left in the buffer goes nowhere.
+    except (BrokenPipeError, SystemExit):
+        # Whoever read the output has seen enough (typer makes that a SystemExit); the rest goes nowhere.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except IsoluxError as error:

@@ -32,8 +32,7 @@ def bake(
 ) -> int:
     """Write the lit surfaces of a solution: glTF with vertex colours, PLY, or VTU for ParaView.
 
-    Examples
-    --------
+    For example:
         isolux bake room.isolux -o lit.glb
 
         isolux bake room.isolux -o lit.glb --exposure +1

@@ -10,7 +10,7 @@ import typer
 
 from isolux.cli import tables
 from isolux.cli.options import JsonTarget, Units, load_scene, write_json
-from isolux.cli.terminal import output
+from isolux.cli.terminal import show
 
 if TYPE_CHECKING:
     from isolux.scene import Scene
@@ -25,8 +25,7 @@ def inspect(
 ) -> int:
     """Show what is in a scene: extents, polygons, lights in lumens, cameras, materials, and every finding.
 
-    Examples
-    --------
+    For example:
         isolux inspect room.glb
 
         isolux inspect room.obj --units cm
@@ -37,15 +36,15 @@ def inspect(
     loaded.check()
     if write_json(json, _values(loaded, scene)):
         return 0
-    console = output()
-    console.print(tables.scene(loaded, str(scene)))
-    for name, table in [
-        ("lights", tables.lights(loaded.lights) if loaded.lights else None),
-        ("materials", tables.materials(loaded.materials) if loaded.materials else None),
-        ("findings", tables.issues(loaded.issues) if loaded.issues else None),
-    ]:
-        console.print()
-        console.print(f"no {name}" if table is None else table)
+    show(
+        tables.scene(loaded, str(scene)),
+        "",
+        tables.lights(loaded.lights) if loaded.lights else "no lights",
+        "",
+        tables.materials(loaded.materials),
+        "",
+        tables.issues(loaded.issues) if loaded.issues else "no findings",
+    )
     return 0
 
 

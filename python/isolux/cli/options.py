@@ -94,9 +94,7 @@ def check_target(
     if suffixes is not None and suffix not in suffixes:
         raise _wrong("-o", f"{target} should have a name that ends in {' or '.join(suffixes)}")
     if suffix in wrong:
-        raise typer.BadParameter(
-            f"-o {target}: this command writes solutions; see isolux bake and isolux render"
-        )
+        raise _wrong("-o", f"{target} is no solution: isolux bake and isolux render write such files")
     if target.is_dir():
         raise _wrong("-o", f"{target} is a folder")
     if target.exists() and source.exists() and target.samefile(source):

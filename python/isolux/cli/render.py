@@ -53,8 +53,7 @@ def render(
 
     Without a camera and an eye, the first camera of the scene is taken, or a view that shows all of it.
 
-    Examples
-    --------
+    For example:
         isolux render room.isolux -o room.png
 
         isolux render room.isolux -o hall.png --camera hall --exposure +0.5
@@ -71,7 +70,7 @@ def render(
     check_target(out, solution, (".png", ".exr"))
     opened = isolux.open(solution)
     factor = exposure_factor(exposure, opened.exposure)
-    with showing(progress) as show:
+    with showing(progress) as hear:
         picture = opened.render(
             camera,
             eye=look_from,
@@ -80,7 +79,7 @@ def render(
             size=wanted,
             samples=samples,
             threads=threads,
-            progress=show,
+            progress=hear,
         )
     with uninterrupted():
         opened.write_image(out, picture, exposure=factor)

@@ -20,7 +20,7 @@ from isolux.cli.options import (
     write_json,
 )
 from isolux.cli.progress import showing
-from isolux.cli.terminal import output, say, uninterrupted
+from isolux.cli.terminal import ignore_interrupts, interrupted_once, say, show
 
 __all__ = ["solve"]
 
@@ -96,8 +96,7 @@ def solve(
 
     Ctrl-C keeps what has been computed: a consistent, unfinished solution.
 
-    Examples
-    --------
+    For example:
         isolux solve room.glb -o room.isolux
 
         isolux solve room.glb -o room.isolux --quality preview -j 2
@@ -125,28 +124,36 @@ def solve(
     }
     settings = isolux.Settings(**fields)
     check_target(out, scene, None, wrong=(".glb", ".gltf", ".obj", ".ply", ".vtu", ".png", ".exr"))
-    loaded = load_scene(scene, units)
-    _tell_of_issues(loaded)
-    stopped = False
-    try:
-        with showing(progress) as show:
-            solution = isolux.solve(loaded, settings, progress=show)
-    except isolux.Cancelled as cancelled:
-        if cancelled.solution is None:
-            raise
-        solution, stopped = cancelled.solution, True
-    with uninterrupted():
+    with interrupted_once():
+        loaded = load_scene(scene, units)
+        _tell_of_issues(loaded)
+        try:
+            with showing(progress) as hear:
+                solution = isolux.solve(loaded, settings, progress=hear)
+                # Before the bar goes, so that no moment is left in which a result could be lost.
+                ignore_interrupts()
+        except isolux.Cancelled as cancelled:
+            if cancelled.solution is None:
+                raise
+            solution = cancelled.solution
         solution.save(out)
+        return _show(solution, out, json)
+
+
+def _show(solution: isolux.Solution, out: Path, json: str | None) -> int:
+    """Show the report; the exit code says how the solve ended."""
     report = solution.report
     if not write_json(json, {"output": str(out), "report": report.to_dict()}):
-        output().print(tables.report(report, str(out)))
-    if stopped:
-        say(f"cancelled; what was computed is in {out}")
-        return CANCELLED
-    if report.status == "iteration-limit":
-        say(f"warning: not converged in {len(report.iterations)} iterations; the result is in {out}")
-        return NOT_CONVERGED
-    return 0
+        show(tables.report(report, str(out)))
+    match report.status:
+        case "converged":
+            return 0
+        case "iteration-limit":
+            say(f"warning: not converged in {len(report.iterations)} iterations; the result is in {out}")
+            return NOT_CONVERGED
+        case "cancelled":
+            say(f"cancelled; what was computed is in {out}")
+            return CANCELLED
 
 
 def _tell_of_issues(scene: isolux.Scene) -> None:
