@@ -120,10 +120,10 @@ impl Loaded {
         self.base.is_none() && self.emission.is_none() && self.transmission.is_none()
     }
 
-    /// How rays treat it; the mask (of the base-colour texture) is for the caller to file.
-    pub(super) fn alpha(&self, mut file_mask: impl FnMut(isolux_core::scene::AlphaMask) -> u32) -> Alpha {
+    /// How rays treat it; `file_mask` is asked for the number of the base-colour texture's mask.
+    pub(super) fn alpha(&self, file_mask: impl FnOnce(&Map, &Grid) -> u32) -> Alpha {
         match (self.look.coverage, &self.base) {
-            (Coverage::Mask(_), Some((map, grid))) => Alpha::Mask(file_mask(grid.mask(map.wrap))),
+            (Coverage::Mask(_), Some((map, grid))) => Alpha::Mask(file_mask(map, grid)),
             // Without a texture a face is there or not: its opacity says so.
             (Coverage::Mask(cutoff), None) if self.look.alpha < cutoff => Alpha::Attenuate,
             (Coverage::Blend, _) => Alpha::Attenuate,

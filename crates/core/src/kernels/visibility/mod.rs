@@ -1,5 +1,9 @@
 //! Visibility of one patch from another: two patches and a tree go in, the unblocked share of rays between their
 //! sub-elements comes out; how it weighs with a form factor is left to links.
+//!
+//! Two ways of walking were tried, in a room of 348 polygons: rays one by one (9.8 to 15.7 microseconds for 16 rays) and
+//! all rays of the pair as one beam (1.8); `docs/theory/visibility.md` has the rules and the table. The beam is
+//! [`visibility`]; the other is kept as [`visibility_ray_by_ray`].
 
 mod sample;
 
@@ -292,4 +296,17 @@ pub fn visibility_ray_by_ray<P: Probe>(
         }
     }
     if counted == 0 { 0.0 } else { sum / f64::from(counted) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Catches a number of rays that is written as a name, or one that is not 16 or 256 and is taken.
+    #[test]
+    fn rays_are_numbers() {
+        assert_eq!([Rays::Sixteen, Rays::TwoHundredFiftySix].map(u32::from), [16, 256]);
+        assert_eq!([16, 256].map(Rays::try_from), [Ok(Rays::Sixteen), Ok(Rays::TwoHundredFiftySix)]);
+        assert_eq!(Rays::try_from(17), Err(RaysError(17)));
+    }
 }

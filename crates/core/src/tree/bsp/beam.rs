@@ -3,13 +3,11 @@
 
 #![expect(clippy::needless_range_loop, reason = "three coordinates of several points, side by side")]
 
-use super::{Bsp, MARGIN, Segment, Stack, Surface};
+use super::surface::projection;
+use super::{Bsp, MARGIN, ROUNDING, Segment, Stack, Surface};
 use crate::kernels::Probe;
 use crate::scene::{Corners, Plane, Scene};
 use std::ops::ControlFlow;
-
-/// Slack of the verdicts for rounding, in tolerances: 1e-9 of the diameter, against 1e-16 of it that rounding takes.
-const ROUNDING: f64 = 1e-3;
 
 /// The hull of all segments from one box to another, and how near to its ends hits do not count.
 #[derive(Clone, Debug)]
@@ -144,14 +142,15 @@ impl Beam {
         heights
     }
 
-    /// What a polygon does to the rays: `None` where none meets it.
+    /// Where the rays may cross a plane, given the heights of both boxes above it: `None` where they do not, or only so
+    /// near to an end that it does not count.
     ///
     /// A ray from height `d0` to height `d1` meets the plane at `t = d0 / (d0 - d1)`, which bounds `t` for all rays; the
-    /// points of all rays at `t` lie in a box that moves linearly with `t`, so that its ends bound each coordinate and
-    /// each band.
+    /// points of all rays at `t` lie in a box that moves linearly with `t`, so that the ends of the range of `t` bound
+    /// each coordinate, and each linear function of them.
     #[inline]
-    fn verdict(&self, surface: &Surface) -> Option<Verdict> {
-        let [from, from_half, to, to_half] = self.heights(&surface.normal, surface.offset);
+    fn crossing(&self, heights: [f64; 4], axes: [usize; 2]) -> Option<Crossing> {
+        let [from, from_half, to, to_half] = heights;
         let (from_half, to_half) = (from_half + self.rounding, to_half + self.rounding);
         let (from, to) = if from >= to { (from, to) } else { (-from, -to) };
         let (low, high) = (from - from_half, from + from_half);
@@ -164,28 +163,57 @@ impl Beam {
         if t_high < self.outer[0] || t_low > self.outer[1] {
             return None;
         }
-        let mut all = low > 0.0 && end_high < 0.0 && t_low > self.inner[0] && t_high < self.inner[1];
-        // Middle and half size of the moving box at both ends of the range of t, along u and v.
         let at = |axis: usize, t: f64| {
             [
                 self.from[axis] + t * self.axis[axis],
                 self.from_half[axis] + t * (self.to_half[axis] - self.from_half[axis]),
             ]
         };
-        let mut moving = [[[0.0; 2]; 2]; 2];
-        for (k, axis) in [surface.axis_u as usize, surface.axis_v as usize].into_iter().enumerate() {
-            moving[k] = [at(axis, t_low), at(axis, t_high)];
-            let [[m0, h0], [m1, h1]] = moving[k];
-            let (lower, upper) = ((m0 - h0).min(m1 - h1), (m0 + h0).max(m1 + h1));
-            let (middle, half) = (surface.middle[k], surface.half[k]);
-            if lower > middle + half + self.rounding || upper < middle - half - self.rounding {
+        let moving = axes.map(|axis| [at(axis, t_low), at(axis, t_high)]);
+        Some(Crossing {
+            moving,
+            lower: moving.map(|[[m0, h0], [m1, h1]]| (m0 - h0).min(m1 - h1) - self.rounding),
+            upper: moving.map(|[[m0, h0], [m1, h1]]| (m0 + h0).max(m1 + h1) + self.rounding),
+            all: low > 0.0 && end_high < 0.0 && t_low > self.inner[0] && t_high < self.inner[1],
+            rounding: self.rounding,
+        })
+    }
+
+    /// What a polygon does to the rays: `None` where none meets it.
+    fn verdict(&self, surface: &Surface) -> Option<Verdict> {
+        let heights = self.heights(&surface.normal, surface.offset);
+        self.crossing(heights, [surface.axis_u as usize, surface.axis_v as usize])?.verdict(surface)
+    }
+}
+
+/// The part of a plane in which a beam may cross it.
+#[derive(Clone, Copy, Debug)]
+struct Crossing {
+    /// Middle and half size, along `u` and `v`, of the moving box where the crossing begins and ends.
+    moving: [[[f64; 2]; 2]; 2],
+    /// Box around the crossing, along `u` and `v`, slack for rounding included.
+    lower: [f64; 2],
+    upper: [f64; 2],
+    /// Does every ray cross the plane, at a place that counts?
+    all: bool,
+    rounding: f64,
+}
+
+impl Crossing {
+    /// What a polygon of the plane does to the rays: `None` where none meets it.
+    #[inline]
+    fn verdict(&self, surface: &Surface) -> Option<Verdict> {
+        let mut all = self.all;
+        for k in 0..2 {
+            let (low, high) = (surface.middle[k] - surface.half[k], surface.middle[k] + surface.half[k]);
+            if self.lower[k] > high || self.upper[k] < low {
                 return None;
             }
-            all &= lower > middle - half + self.rounding && upper < middle + half - self.rounding;
+            all &= self.lower[k] > low && self.upper[k] < high;
         }
         for &[a, b, c, h] in surface.bands() {
-            let value = |end: usize| a * moving[0][end][0] + b * moving[1][end][0] + c;
-            let spread = |end: usize| a.abs() * moving[0][end][1] + b.abs() * moving[1][end][1];
+            let value = |end: usize| a * self.moving[0][end][0] + b * self.moving[1][end][0] + c;
+            let spread = |end: usize| a.abs() * self.moving[0][end][1] + b.abs() * self.moving[1][end][1];
             let (f0, r0, f1, r1) = (value(0), spread(0), value(1), spread(1));
             let (lower, upper) = ((f0 - r0).min(f1 - r1), (f0 + r0).max(f1 + r1));
             if lower > h + self.rounding || upper < -h - self.rounding {
@@ -243,31 +271,42 @@ impl Packet {
     }
 
     /// Which segments meet the surface: the same operations in the same order as [`Surface::meet`].
+    ///
+    /// Every condition is kept as what it is fulfilled by (`h - |f| >= 0` exactly when `|f| <= h`), the least of which
+    /// decides: minima of numbers make shorter code than conjunctions of truth values (`lesser` is one instruction).
     pub(crate) fn meet(&self, surface: &Surface) -> u16 {
+        let lesser = |a: f64, b: f64| if a < b { a } else { b };
         let n = &surface.normal;
         let (u, v) = (surface.axis_u as usize, surface.axis_v as usize);
+        let (along_u, along_v) = ((&self.origin[u], &self.delta[u]), (&self.origin[v], &self.delta[v]));
         let mut t = [0.0; LANES];
+        let (mut x, mut y) = ([0.0; LANES], [0.0; LANES]);
+        let mut spare = [0.0; LANES];
         for k in 0..LANES {
             let [ox, oy, oz] = [self.origin[0][k], self.origin[1][k], self.origin[2][k]];
             let [dx, dy, dz] = [self.delta[0][k], self.delta[1][k], self.delta[2][k]];
             t[k] = -(n[0] * ox + n[1] * oy + n[2] * oz - surface.offset) / (n[0] * dx + n[1] * dy + n[2] * dz);
         }
-        let (mut x, mut y) = ([0.0; LANES], [0.0; LANES]);
-        let mut inside = [true; LANES];
         for k in 0..LANES {
-            x[k] = self.origin[u][k] + t[k] * self.delta[u][k];
-            y[k] = self.origin[v][k] + t[k] * self.delta[v][k];
-            inside[k] = (t[k] >= self.t_min[k])
-                & (t[k] <= self.t_max[k])
-                & ((x[k] - surface.middle[0]).abs() <= surface.half[0])
-                & ((y[k] - surface.middle[1]).abs() <= surface.half[1]);
+            x[k] = along_u.0[k] + t[k] * along_u.1[k];
+            y[k] = along_v.0[k] + t[k] * along_v.1[k];
+            spare[k] = lesser(
+                surface.half[0] - (x[k] - surface.middle[0]).abs(),
+                surface.half[1] - (y[k] - surface.middle[1]).abs(),
+            );
         }
         for &[a, b, c, h] in surface.bands() {
             for k in 0..LANES {
-                inside[k] &= (a * x[k] + b * y[k] + c).abs() <= h;
+                spare[k] = lesser(spare[k], h - (a * x[k] + b * y[k] + c).abs());
             }
         }
-        (0..LANES).fold(0, |mask, k| mask | u16::from(inside[k]) << k)
+        let mut met = 0;
+        for k in 0..LANES {
+            // A `t` that is NaN or infinite (a segment along the plane) fails here, whatever came of x and y.
+            let counts = (t[k] >= self.t_min[k]) & (t[k] <= self.t_max[k]) & (spare[k] >= 0.0);
+            met |= u16::from(counts) << k;
+        }
+        met
     }
 }
 
@@ -290,7 +329,8 @@ impl Bsp {
             if !beam.meets_box(&node.lower, &node.upper) {
                 continue;
             }
-            let [from, from_half, to, to_half] = beam.heights(&node.plane.normal.to_array(), node.plane.offset);
+            let heights = beam.heights(&node.plane.normal.to_array(), node.plane.offset);
+            let [from, from_half, to, to_half] = heights;
             let (from_half, to_half) = (from_half + slack, to_half + slack);
             if from > from_half && to > to_half {
                 if node.front != Bsp::NONE {
@@ -304,13 +344,24 @@ impl Bsp {
                 }
                 continue;
             }
-            let mut next = node.first_fragment;
+            let (mut crossing, mut next) = (None, node.first_fragment);
+            if node.flat {
+                let [u, v, _] = projection(node.plane.normal);
+                crossing = beam.crossing(heights, [u, v]);
+                if crossing.is_none() {
+                    next = Bsp::NONE;
+                }
+            }
             while next != Bsp::NONE {
                 let (index, fragment) = (next, &self.fragments[next as usize]);
                 probe.fragment_test(index);
                 next = fragment.next;
                 let surface = &self.surfaces[fragment.polygon as usize];
-                if let Some(verdict) = beam.verdict(surface) {
+                let verdict = match &crossing {
+                    Some(crossing) => crossing.verdict(surface),
+                    None => beam.verdict(surface),
+                };
+                if let Some(verdict) = verdict {
                     visit(probe, index, surface, verdict)?;
                 }
             }

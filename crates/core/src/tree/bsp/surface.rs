@@ -1,5 +1,6 @@
 //! One polygon, prepared for rays: its plane, and its edges as bands in the coordinate plane that it is projected to.
 
+use super::ROUNDING;
 use crate::scene::{Plane, Polygon};
 use glam::DVec3;
 
@@ -28,18 +29,25 @@ pub(crate) struct Surface {
 /// the margin `tau` that is added, large against rounding (1e-9 of the tolerance).
 const SHAPE: f64 = 0.125;
 
+/// Axes `u`, `v` that a plane is projected to, and `w` that it is projected along: that of the normal's largest
+/// coordinate.
+#[inline]
+pub(super) fn projection(normal: DVec3) -> [usize; 3] {
+    let size = normal.abs();
+    let w = if size.x >= size.y && size.x >= size.z {
+        0
+    } else if size.y >= size.z {
+        1
+    } else {
+        2
+    };
+    [(w + 1) % 3, (w + 2) % 3, w]
+}
+
 impl Surface {
     pub(super) fn new(polygon: &Polygon, tolerance: f64) -> Surface {
         let normal = polygon.plane.normal.to_array();
-        let size = normal.map(f64::abs);
-        let axis_w = if size[0] >= size[1] && size[0] >= size[2] {
-            0
-        } else if size[1] >= size[2] {
-            1
-        } else {
-            2
-        };
-        let (axis_u, axis_v) = ((axis_w + 1) % 3, (axis_w + 2) % 3);
+        let [axis_u, axis_v, axis_w] = projection(polygon.plane.normal);
         let count = polygon.corners.len();
         let flat = |corner: &DVec3| [corner[axis_u], corner[axis_v]];
         let corners = &polygon.corners;
@@ -93,6 +101,16 @@ impl Surface {
 
     pub(super) fn plane(&self) -> Plane {
         Plane { normal: DVec3::from_array(self.normal), offset: self.offset }
+    }
+
+    /// Is the polygon's plane, near `point` and within `reach` of it, that plane or its reverse up to half of the slack
+    /// for rounding, and projected to the same axes?
+    pub(super) fn lies_in(&self, plane: &Plane, point: DVec3, reach: f64, tolerance: f64) -> bool {
+        let own = self.plane();
+        let own = if own.normal.dot(plane.normal) < 0.0 { own.reversed() } else { own };
+        let apart = (own.distance(point) - plane.distance(point)).abs() + (own.normal - plane.normal).length() * reach;
+        let [u, v, _] = projection(plane.normal);
+        apart <= 0.5 * ROUNDING * tolerance && (self.axis_u as usize, self.axis_v as usize) == (u, v)
     }
 
     #[inline]

@@ -13,13 +13,14 @@ pub(super) use container::{MAGIC, looks_like_json};
 
 use super::error::{ReadError, brief};
 use super::look::Loaded;
-use super::texture::Bank;
+use super::texture::{Bank, Rule};
 use super::{MAX_FACES, ReadOptions, issue};
 use container::Document;
-use isolux_core::scene::{Face, IssueKind, Material, Object, SceneInput, Severity, Texture};
+use isolux_core::scene::{AlphaMask, Face, Image, IssueKind, Material, Object, SceneInput, Severity, Texture, Wrap};
 use mesh::Piece;
 use nodes::Instance;
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::path::Path;
 
 /// Meshes by number, as their pieces.
@@ -53,11 +54,13 @@ fn open_meshes<'a>(
     let mut meshes = Meshes::new();
     let mut faces = 0_usize;
     for instance in instances {
-        if !meshes.contains_key(&instance.mesh) {
-            let pieces = mesh::open(document, instance.mesh, &instance.object, faces, &mut scene.issues)?;
-            meshes.insert(instance.mesh, pieces);
-        }
-        faces += meshes[&instance.mesh].iter().map(|piece| piece.triangles.len()).sum::<usize>();
+        let pieces = match meshes.entry(instance.mesh) {
+            Entry::Occupied(entry) => entry.into_mut(),
+            Entry::Vacant(entry) => {
+                entry.insert(mesh::open(document, instance.mesh, &instance.object, faces, &mut scene.issues)?)
+            }
+        };
+        faces += pieces.iter().map(|piece| piece.triangles.len()).sum::<usize>();
         if faces > MAX_FACES {
             return Err(mesh::too_many(document, &instance.object, faces));
         }
@@ -85,6 +88,7 @@ fn dress(
         users.entry(material).or_default().push(piece);
     }
     let mut bank = material::bank(document);
+    let mut masks = Vec::new();
     for (index, entry) in entries.into_iter().enumerate() {
         let pieces = users.remove(&index).unwrap_or_default();
         if pieces.is_empty() && index == default {
@@ -95,7 +99,7 @@ fn dress(
             let mut look = entry.look;
             (look.base_map, look.emission_map, look.transmission_map) = (None, None, None);
             let loaded = look.load(&mut bank, |_, _, _| {});
-            scene.materials.push(finish(entry.name, entry.two_sided, &loaded, None, scene.masks.len()).0);
+            scene.materials.push(finish(entry.name, entry.two_sided, &loaded, None, &mut masks, &mut scene.masks));
             continue;
         }
         scene.issues.extend(entry.notes);
@@ -107,35 +111,42 @@ fn dress(
             dress_piece(piece, &loaded, &entry.name, scene);
         }
         let texture = keep_texture(&loaded, &mut bank, &mut scene.images);
-        let (material, mask) = finish(entry.name, entry.two_sided, &loaded, texture, scene.masks.len());
+        let material = finish(entry.name, entry.two_sided, &loaded, texture, &mut masks, &mut scene.masks);
         scene.materials.push(material);
-        scene.masks.extend(mask);
     }
     Ok(())
 }
 
 /// The base-colour texture for outputs, its bytes put into `images`.
-fn keep_texture(loaded: &Loaded, bank: &mut Bank<'_>, images: &mut Vec<isolux_core::scene::Image>) -> Option<Texture> {
+fn keep_texture(loaded: &Loaded, bank: &mut Bank<'_>, images: &mut Vec<Image>) -> Option<Texture> {
     let (map, _) = loaded.base.as_ref()?;
     // It was decoded a moment ago; if it cannot be had now, outputs go without.
     let image = bank.keep(map.image, images).ok()?;
     Some(Texture { image, factor: loaded.look.base, wrap: map.wrap })
 }
 
-/// A material with the surface that it has by itself, and its mask if it has one.
+/// What makes two masks the same: image, cut, repetition.
+type MaskKey = (usize, Rule, [Wrap; 2]);
+
+/// A material with the surface that it has by itself; its mask, if it has one, is put into `masks` once.
 fn finish(
     name: String,
     two_sided: bool,
     loaded: &Loaded,
     texture: Option<Texture>,
-    masks: usize,
-) -> (Material, Option<isolux_core::scene::AlphaMask>) {
-    let mut mask = None;
-    let alpha = loaded.alpha(|found| {
-        mask = Some(found);
-        masks as u32
+    keys: &mut Vec<MaskKey>,
+    masks: &mut Vec<AlphaMask>,
+) -> Material {
+    let alpha = loaded.alpha(|map, grid| {
+        let key = (map.image, loaded.look.base_rule(), map.wrap);
+        let index = keys.iter().position(|known| *known == key).unwrap_or_else(|| {
+            keys.push(key);
+            masks.push(grid.mask(map.wrap));
+            masks.len() - 1
+        });
+        index as u32
     });
-    (Material { name, surface: loaded.surface(|_| None, None), two_sided, alpha, texture }, mask)
+    Material { name, surface: loaded.surface(|_| None, None), two_sided, alpha, texture }
 }
 
 /// Averages a material over the triangles of a piece.

@@ -373,7 +373,7 @@ impl<'a> Reader<'a> {
             Some(Texture { image, factor: look.base, wrap: map.wrap })
         });
         // OBJ has no cut-outs: no mask is asked for.
-        let alpha = loaded.alpha(|_| 0);
+        let alpha = loaded.alpha(|_, _| 0);
         let surface = loaded.surface(|_| None, None);
         self.scene.materials.push(Material { name, surface, two_sided: false, alpha, texture });
     }

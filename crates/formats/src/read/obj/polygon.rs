@@ -86,8 +86,10 @@ mod tests {
     /// Catches a convex polygon that loses faces, or is turned over.
     #[test]
     fn a_hexagon_becomes_a_fan() {
-        let corners: Vec<DVec3> =
-            (0..6).map(|i| f64::from(i) * 1.047_197_551).map(|a| DVec3::new(a.cos(), a.sin(), 0.0)).collect();
+        let corners: Vec<DVec3> = (0..6)
+            .map(|i| f64::from(i) * std::f64::consts::FRAC_PI_3)
+            .map(|a| DVec3::new(a.cos(), a.sin(), 0.0))
+            .collect();
         let Cut::Triangles(triangles) = triangulate(&corners) else { panic!("it is convex") };
         assert_eq!(triangles, [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5]]);
         // 3 sqrt(3) / 2

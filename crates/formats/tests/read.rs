@@ -1,0 +1,1071 @@
+//! Scene files built here, read back: what a file says must be what the scene has, and a broken file must be an
+//! error of one line.
+
+#![allow(clippy::unwrap_used, clippy::float_cmp)]
+
+use glam::{DVec2, DVec3};
+use image::{Rgba, RgbaImage};
+use isolux_core::scene::{Alpha, Face, Issue, IssueKind, Projection, SceneInput, Severity, Wrap};
+use isolux_core::units::Rgb;
+use isolux_formats::read::{MAX_FACES, ReadError, ReadOptions, read};
+use proptest::prelude::*;
+use serde_json::{Value, json};
+use std::f64::consts::PI;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+// ---------------------------------------------------------------------------------------------------- making files
+
+/// A folder that goes when the test does.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new() -> Folder {
+        static COUNT: AtomicUsize = AtomicUsize::new(0);
+        let name = format!("isolux-read-{}-{}", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed));
+        let path = std::env::temp_dir().join(name);
+        std::fs::create_dir_all(&path).unwrap();
+        Folder(path)
+    }
+
+    fn write(&self, name: &str, bytes: impl AsRef<[u8]>) -> PathBuf {
+        let path = self.0.join(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(&path, bytes).unwrap();
+        path
+    }
+
+    fn read(&self, name: &str, bytes: impl AsRef<[u8]>) -> Result<SceneInput, ReadError> {
+        read(&self.write(name, bytes), &ReadOptions::default())
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+/// A GLB file in the making: JSON, and the bytes its views cover.
+struct Glb {
+    json: Value,
+    bin: Vec<u8>,
+}
+
+const BYTE: u64 = 5120;
+const UBYTE: u64 = 5121;
+const USHORT: u64 = 5123;
+const UINT: u64 = 5125;
+const FLOAT: u64 = 5126;
+
+impl Glb {
+    fn new() -> Glb {
+        let json = json!({
+            "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [], "meshes": [],
+            "accessors": [], "bufferViews": [], "materials": [], "textures": [], "images": [], "samplers": [],
+            "cameras": [],
+        });
+        Glb { json, bin: Vec::new() }
+    }
+
+    /// One node `tri` with the triangle (0,0,0) (1,0,0) (0,1,0) of material 0.
+    fn triangle(material: Value) -> Glb {
+        let mut glb = Glb::new();
+        let position = glb.floats("VEC3", &[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
+        glb.push("materials", material);
+        glb.push("meshes", json!({"primitives": [{"attributes": {"POSITION": position}, "material": 0}]}));
+        glb.push("nodes", json!({"name": "tri", "mesh": 0}));
+        glb
+    }
+
+    fn push(&mut self, table: &str, entry: Value) -> usize {
+        let table = self.json[table].as_array_mut().unwrap();
+        table.push(entry);
+        table.len() - 1
+    }
+
+    fn view(&mut self, bytes: &[u8]) -> usize {
+        while !self.bin.len().is_multiple_of(4) {
+            self.bin.push(0);
+        }
+        let offset = self.bin.len();
+        self.bin.extend_from_slice(bytes);
+        self.push("bufferViews", json!({"buffer": 0, "byteOffset": offset, "byteLength": bytes.len()}))
+    }
+
+    fn accessor(&mut self, kind: &str, component: u64, count: usize, bytes: &[u8]) -> usize {
+        let view = self.view(bytes);
+        self.push("accessors", json!({"bufferView": view, "componentType": component, "count": count, "type": kind}))
+    }
+
+    fn floats(&mut self, kind: &str, values: &[f32]) -> usize {
+        let width = ["", "SCALAR", "VEC2", "VEC3", "VEC4"].iter().position(|name| *name == kind).unwrap();
+        let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
+        self.accessor(kind, FLOAT, values.len() / width, &bytes)
+    }
+
+    fn indices_u16(&mut self, values: &[u16]) -> usize {
+        let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
+        self.accessor("SCALAR", USHORT, values.len(), &bytes)
+    }
+
+    fn attribute(&mut self, name: &str, accessor: usize) {
+        self.json["meshes"][0]["primitives"][0]["attributes"][name] = json!(accessor);
+    }
+
+    /// A texture of an embedded PNG; its number.
+    fn texture(&mut self, pixels: &RgbaImage, sampler: Value) -> usize {
+        let view = self.view(&png(pixels));
+        let image = self.push("images", json!({"bufferView": view, "mimeType": "image/png", "name": "picture"}));
+        let sampler = self.push("samplers", sampler);
+        self.push("textures", json!({"source": image, "sampler": sampler}))
+    }
+
+    fn bytes(&self) -> Vec<u8> {
+        let mut json = self.json.clone();
+        if !self.bin.is_empty() {
+            json["buffers"] = json!([{"byteLength": self.bin.len()}]);
+        }
+        container(json.to_string().as_bytes(), &self.bin)
+    }
+
+    fn scene(&self) -> SceneInput {
+        Folder::new().read("room.glb", self.bytes()).unwrap()
+    }
+
+    fn error(&self) -> ReadError {
+        let error = Folder::new().read("room.glb", self.bytes()).unwrap_err();
+        assert_one_line(&error);
+        error
+    }
+}
+
+fn container(json: &[u8], bin: &[u8]) -> Vec<u8> {
+    let pad = |bytes: &[u8], fill: u8| {
+        let mut bytes = bytes.to_vec();
+        bytes.resize(bytes.len().next_multiple_of(4), fill);
+        bytes
+    };
+    let (json, bin) = (pad(json, b' '), pad(bin, 0));
+    let mut file = b"glTF\x02\0\0\0".to_vec();
+    file.extend_from_slice(&((12 + 8 + json.len() + 8 + bin.len()) as u32).to_le_bytes());
+    for (kind, chunk) in [(b"JSON", json), (b"BIN\0", bin)] {
+        file.extend_from_slice(&(chunk.len() as u32).to_le_bytes());
+        file.extend_from_slice(kind);
+        file.extend_from_slice(&chunk);
+    }
+    file
+}
+
+fn png(pixels: &RgbaImage) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    pixels.write_to(&mut std::io::Cursor::new(&mut bytes), image::ImageFormat::Png).unwrap();
+    bytes
+}
+
+// ------------------------------------------------------------------------------------------------------- looking
+
+fn assert_one_line(error: &ReadError) {
+    let text = error.to_string();
+    assert!(!text.contains(|c: char| c.is_control()), "{text:?}");
+    assert!(text.len() < 600, "{text}");
+}
+
+fn find(scene: &SceneInput, kind: IssueKind, object: &str, part: &str) -> Issue {
+    let found = scene.issues.iter().find(|i| i.kind == kind && i.object == object && i.message.contains(part));
+    found.unwrap_or_else(|| panic!("no {kind:?} of '{object}' with '{part}' in {:#?}", scene.issues)).clone()
+}
+
+fn close(a: Rgb, b: [f64; 3], tolerance: f64) {
+    for band in 0..3 {
+        assert!((a[band] - b[band]).abs() <= tolerance, "{a:?} is not {b:?}");
+    }
+}
+
+fn near(a: DVec3, b: [f64; 3]) {
+    // f32 in the file.
+    assert!((a - DVec3::from_array(b)).length() < 1e-6, "{a} is not {b:?}");
+}
+
+fn normal(face: &Face) -> DVec3 {
+    (face.corners[1] - face.corners[0]).cross(face.corners[2] - face.corners[0]).normalize()
+}
+
+fn linear(srgb: u8) -> f64 {
+    let value = f64::from(srgb) / 255.0;
+    if value <= 0.04045 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }
+}
+
+/// Left half one colour, right half another.
+fn halves(left: [u8; 4], right: [u8; 4]) -> RgbaImage {
+    RgbaImage::from_fn(8, 8, |x, _| Rgba(if x < 4 { left } else { right }))
+}
+
+/// A rectangle of two triangles over the whole texture, so that means are plain.
+fn textured(pixels: &RgbaImage, sampler: Value, material: impl Fn(usize) -> Value) -> Glb {
+    let mut glb = Glb::new();
+    let texture = glb.texture(pixels, sampler);
+    glb.push("materials", material(texture));
+    let position = glb.floats("VEC3", &[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0]);
+    let uv = glb.floats("VEC2", &[0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0, 1.0]);
+    let indices = glb.indices_u16(&[0, 1, 2, 0, 2, 3]);
+    glb.push(
+        "meshes",
+        json!({"primitives": [{
+            "attributes": {"POSITION": position, "TEXCOORD_0": uv}, "indices": indices, "material": 0,
+        }]}),
+    );
+    glb.push("nodes", json!({"name": "wall", "mesh": 0}));
+    glb
+}
+
+// ---------------------------------------------------------------------------------------------------- geometry
+
+/// Catches transforms applied in the wrong order, or not inherited; names lost; faces not in document order.
+#[test]
+fn nodes_are_placed_depth_first_with_their_ancestors_transforms() {
+    let mut glb = Glb::triangle(json!({}));
+    glb.json["meshes"][0]["name"] = json!("leaf");
+    glb.json["scenes"] = json!([{"nodes": [4]}, {"nodes": [1, 4]}]);
+    glb.json["scene"] = json!(1);
+    let half = std::f64::consts::FRAC_1_SQRT_2;
+    glb.json["nodes"] = json!([
+        {"mesh": 0, "translation": [0, 0, 3]},
+        {"name": "arm", "children": [2, 0], "translation": [10, 0, 0], "rotation": [0, 0, half, half]},
+        {"name": "arm", "mesh": 0, "scale": [2, 2, 2]},
+        {"name": "unreached", "mesh": 0},
+        {"mesh": 0, "matrix": [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, -5, 0, 1]},
+    ]);
+    let scene = glb.scene();
+    let names: Vec<&str> = scene.objects.iter().map(|object| object.name.as_str()).collect();
+    assert_eq!(names, ["arm", "leaf", "leaf#2"]);
+    assert_eq!(scene.faces.iter().map(|face| face.object).collect::<Vec<_>>(), [0, 1, 2]);
+    // A quarter turn about z takes (2, 0, 0) to (0, 2, 0).
+    near(scene.faces[0].corners[1], [10.0, 2.0, 0.0]);
+    near(scene.faces[1].corners[1], [10.0, 1.0, 3.0]);
+    near(scene.faces[2].corners[2], [0.0, -4.0, 0.0]);
+    find(&scene, IssueKind::Ignored, &glb_path(&scene), "1 of 2 scenes");
+    assert_eq!((scene.name.as_str(), scene.metres_per_unit), ("room", 1.0));
+}
+
+/// Issues of the whole file are filed under its path.
+fn glb_path(scene: &SceneInput) -> String {
+    scene.issues.iter().map(|issue| issue.object.clone()).find(|object| object.ends_with("room.glb")).unwrap()
+}
+
+/// Catches a mirrored instance whose front looks inwards, or whose texture coordinates stay behind.
+#[test]
+fn mirrored_transforms_keep_fronts_in_front() {
+    let mut glb = Glb::triangle(json!({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}));
+    glb.texture(&halves([0; 4], [255; 4]), json!({}));
+    let uv = glb.floats("VEC2", &[0.0, 0.0, 0.5, 0.0, 0.0, 0.25]);
+    glb.attribute("TEXCOORD_0", uv);
+    glb.json["nodes"][0]["scale"] = json!([-1, 1, 1]);
+    let scene = glb.scene();
+    let face = &scene.faces[0];
+    assert!(normal(face).z > 0.0);
+    near(face.corners[0], [0.0, 0.0, 0.0]);
+    near(face.corners[1], [0.0, 1.0, 0.0]);
+    assert_eq!(face.uv.as_ref().unwrap()[..], [DVec2::ZERO, DVec2::new(0.0, 0.25), DVec2::new(0.5, 0.0)]);
+}
+
+/// Catches a strip whose every second triangle is turned over, a fan with the wrong hub, or faces out of order.
+#[test]
+fn strips_and_fans_become_triangles() {
+    let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0], [0.0, 2.0, 0.0]];
+    let mut glb = Glb::new();
+    let strip = glb.floats("VEC3", &corners.concat());
+    let fan = glb.floats("VEC3", &[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0]);
+    glb.push(
+        "meshes",
+        json!({"primitives": [
+            {"attributes": {"POSITION": strip}, "mode": 5}, {"attributes": {"POSITION": fan}, "mode": 6},
+            {"attributes": {"POSITION": fan}, "mode": 1}, {"attributes": {"POSITION": fan}, "mode": 0},
+        ]}),
+    );
+    glb.push("nodes", json!({"mesh": 0}));
+    let scene = glb.scene();
+    assert_eq!(scene.objects[0].name, "node 0");
+    assert_eq!(scene.faces.len(), 5);
+    assert!(scene.faces.iter().all(|face| normal(face).z > 0.0));
+    near(scene.faces[1].corners[1], [1.0, 1.0, 0.0]);
+    // Strip of 5 corners: 3 triangles of 1/2; fan of 4: 2 of 1/2.
+    let area: f64 = scene
+        .faces
+        .iter()
+        .map(|f| 0.5 * (f.corners[1] - f.corners[0]).cross(f.corners[2] - f.corners[0]).length())
+        .sum();
+    assert!((area - 2.5).abs() < 1e-9);
+    find(&scene, IssueKind::Ignored, "node 0", "lines are ignored");
+    find(&scene, IssueKind::Ignored, "node 0", "points are ignored");
+    find(&scene, IssueKind::Assumed, "default", "without a material");
+}
+
+/// Catches an index width or component type decoded wrongly, normalised or not, interleaved or sparse.
+#[test]
+fn every_way_to_store_a_vertex_gives_the_same_triangle() {
+    let expect = |glb: &Glb| {
+        let scene = glb.scene();
+        assert_eq!(scene.faces.len(), 1);
+        for (corner, expected) in
+            scene.faces[0].corners.iter().zip([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+        {
+            assert!((*corner - DVec3::from_array(expected)).length() < 1e-12, "{corner}");
+        }
+    };
+    let base = || {
+        let mut glb = Glb::new();
+        glb.push("meshes", json!({"primitives": [{"attributes": {}}]}));
+        glb.push("nodes", json!({"mesh": 0}));
+        glb
+    };
+    let floats = [0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+
+    for (component, bytes) in
+        [(UBYTE, vec![2_u8, 1, 0]), (USHORT, vec![2, 0, 1, 0, 0, 0]), (UINT, vec![2, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0])]
+    {
+        let mut glb = base();
+        let position = glb.floats("VEC3", &floats);
+        glb.attribute("POSITION", position);
+        let indices = glb.accessor("SCALAR", component, 3, &bytes);
+        glb.json["meshes"][0]["primitives"][0]["indices"] = json!(indices);
+        expect(&glb);
+    }
+
+    // KHR_mesh_quantization: bytes, normalised, padded to a stride of 4.
+    let mut glb = base();
+    let bytes: Vec<u8> = [0_i8, 0, 0, 0, 127, 0, 0, 0, 0, -128, 0, 0].iter().map(|&byte| byte as u8).collect();
+    let position = glb.accessor("VEC3", BYTE, 3, &bytes);
+    glb.json["accessors"][position]["normalized"] = json!(true);
+    glb.json["bufferViews"][position]["byteStride"] = json!(4);
+    glb.json["extensionsRequired"] = json!(["KHR_mesh_quantization"]);
+    glb.attribute("POSITION", position);
+    expect(&glb);
+
+    // Sparse over nothing: zeros, of which two are replaced, given out of order.
+    let mut glb = base();
+    let indices = glb.view(&[2, 0, 1, 0]);
+    let values: Vec<u8> = [0.0_f32, -1.0, 0.0, 1.0, 0.0, 0.0].iter().flat_map(|value| value.to_le_bytes()).collect();
+    let values = glb.view(&values);
+    let position = glb.push(
+        "accessors",
+        json!({"componentType": FLOAT, "count": 3, "type": "VEC3", "sparse": {
+            "count": 2, "indices": {"bufferView": indices, "componentType": USHORT}, "values": {"bufferView": values},
+        }}),
+    );
+    glb.attribute("POSITION", position);
+    expect(&glb);
+}
+
+/// Catches a hierarchy that hangs, overflows the stack, or shows a node twice.
+#[test]
+fn cycles_and_long_chains_of_nodes_end() {
+    let mut glb = Glb::triangle(json!({}));
+    glb.json["nodes"] =
+        json!([{"name": "a", "mesh": 0, "children": [1, 1]}, {"name": "b", "mesh": 0, "children": [0]}]);
+    let scene = glb.scene();
+    assert_eq!(scene.faces.len(), 2);
+    find(&scene, IssueKind::Ignored, &glb_path(&scene), "2 times");
+
+    let mut nodes: Vec<Value> = (1..200_000).map(|child| json!({"children": [child]})).collect();
+    nodes.push(json!({"mesh": 0, "name": "end"}));
+    glb.json["nodes"] = json!(nodes);
+    assert_eq!(glb.scene().objects[0].name, "end");
+}
+
+/// Catches nodes lost where the file has no scenes.
+#[test]
+fn without_scenes_all_roots_are_read() {
+    let mut glb = Glb::triangle(json!({}));
+    glb.json["nodes"] = json!([{"name": "child", "mesh": 0}, {"name": "root", "mesh": 0, "children": [0]}, {"name": "other", "mesh": 0}]);
+    glb.json["scenes"] = json!([]);
+    glb.json.as_object_mut().unwrap().remove("scene");
+    let names: Vec<String> = glb.scene().objects.into_iter().map(|object| object.name).collect();
+    assert_eq!(names, ["root", "child", "other"]);
+}
+
+/// Catches cameras in mesh space, or looking the wrong way; lights, skins and animations dropped in silence.
+#[test]
+fn cameras_are_read_and_what_is_not_read_is_said() {
+    let mut glb = Glb::triangle(json!({}));
+    glb.push("cameras", json!({"type": "perspective", "perspective": {"yfov": 0.8, "znear": 0.1}}));
+    glb.push(
+        "cameras",
+        json!({"type": "orthographic", "name": "plan", "orthographic": {"xmag": 3, "ymag": 2, "zfar": 9, "znear": 0}}),
+    );
+    glb.json["nodes"] = json!([
+        {"name": "tri", "mesh": 0, "skin": 0, "children": [1, 2, 3]},
+        {"name": "eye", "camera": 0, "translation": [1, 2, 3], "rotation": [0, 1, 0, 0]},
+        {"camera": 1},
+        {"extensions": {"KHR_lights_punctual": {"light": 0}}},
+    ]);
+    glb.json["meshes"][0]["primitives"][0]["targets"] = json!([{}]);
+    glb.json["extensions"] = json!({"KHR_lights_punctual": {"lights": [{"type": "spot", "name": "lamp"}]}});
+    glb.json["extensionsUsed"] = json!(["KHR_lights_punctual", "KHR_materials_ior", "ACME_thing"]);
+    glb.json["animations"] = json!([{"odd": true}]);
+    let scene = glb.scene();
+    assert_eq!(scene.cameras.len(), 2);
+    let eye = &scene.cameras[0];
+    assert_eq!((eye.name.as_str(), eye.projection), ("eye", Projection::Perspective { vertical_angle: 0.8 }));
+    near(eye.eye, [1.0, 2.0, 3.0]);
+    near(eye.forward, [0.0, 0.0, 1.0]);
+    near(eye.up, [0.0, 1.0, 0.0]);
+    assert_eq!(scene.cameras[1].projection, Projection::Orthographic { height: 4.0 });
+    assert_eq!(scene.cameras[1].name, "plan");
+    assert_eq!(find(&scene, IssueKind::Ignored, "lamp", "spot light").severity, Severity::Warning);
+    find(&scene, IssueKind::Ignored, "tri", "skin");
+    find(&scene, IssueKind::Ignored, "tri", "morph");
+    find(&scene, IssueKind::Ignored, &glb_path(&scene), "1 animations");
+    find(&scene, IssueKind::Ignored, &glb_path(&scene), "KHR_materials_ior is ignored: no effect");
+    find(&scene, IssueKind::Ignored, &glb_path(&scene), "ACME_thing");
+}
+
+// ---------------------------------------------------------------------------------------------------- materials
+
+/// Catches emission without pi, strength or the option's scale; metallic and two-sided not heeded.
+#[test]
+fn plain_materials_become_surfaces() {
+    let glb = Glb::triangle(json!({
+        "name": "lamp", "doubleSided": true, "emissiveFactor": [1, 0.5, 0],
+        "pbrMetallicRoughness": {"baseColorFactor": [0.2, 0.4, 0.6, 0.5]},
+        "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 100}},
+    }));
+    let folder = Folder::new();
+    let options = ReadOptions { emission_scale: 2.0, metres_per_unit: Some(0.01) };
+    let scene = read(&folder.write("room.glb", glb.bytes()), &options).unwrap();
+    let material = &scene.materials[0];
+    close(material.surface.reflectance, [0.2, 0.4, 0.6], 1e-12);
+    close(material.surface.emission, [200.0 * PI, 100.0 * PI, 0.0], 1e-9);
+    assert_eq!((material.surface.opacity, material.two_sided, material.alpha), (1.0, true, Alpha::Opaque));
+    assert_eq!((scene.faces[0].surface, scene.faces[0].uv.as_ref()), (None, None));
+    assert_eq!(scene.metres_per_unit, 0.01);
+    assert_eq!(find(&scene, IssueKind::Assumed, "lamp", "metallicFactor is absent").severity, Severity::Note);
+}
+
+/// Catches metallic said once per face, said of a dielectric, or not told apart from an absent one.
+#[test]
+fn metallic_is_said_once_per_material() {
+    let said = |pbr: Value, extensions: Value| {
+        let glb = Glb::triangle(json!({"pbrMetallicRoughness": pbr, "extensions": extensions}));
+        let of = |issue: &Issue| issue.object == "material 0";
+        glb.scene().issues.into_iter().filter(of).map(|issue| (issue.severity, issue.message)).collect::<Vec<_>>()
+    };
+    assert_eq!(said(json!({"metallicFactor": 0}), json!({})), []);
+    let explicit = said(json!({"metallicFactor": 0.75}), json!({}));
+    assert_eq!((explicit.len(), explicit[0].0), (1, Severity::Warning));
+    assert!(explicit[0].1.contains("0.75"));
+    assert_eq!(said(json!({}), json!({}))[0].0, Severity::Note);
+    let unlit = said(json!({}), json!({"KHR_materials_unlit": {}}));
+    assert!(unlit.len() == 1 && unlit[0].1.contains("unlit"), "{unlit:?}");
+}
+
+/// Catches averages taken on encoded values: the mean of black and white is 0.5, not 0.214.
+#[test]
+fn textures_average_in_linear_space() {
+    let pixels = halves([0, 0, 0, 255], [255, 255, 255, 255]);
+    let glb = textured(&pixels, json!({}), |texture| {
+        json!({"emissiveFactor": [1, 1, 1], "emissiveTexture": {"index": texture}, "pbrMetallicRoughness": {
+            "metallicFactor": 0, "baseColorFactor": [0.5, 1, 1, 1], "baseColorTexture": {"index": texture},
+        }})
+    });
+    let scene = glb.scene();
+    // Lower right triangle: the right half holds 3/4 of it.
+    let surface = scene.faces[0].surface.unwrap();
+    close(surface.reflectance, [0.375, 0.75, 0.75], 1e-4);
+    close(surface.emission, [0.75 * PI; 3], 1e-3);
+    close(scene.faces[1].surface.unwrap().reflectance, [0.125, 0.25, 0.25], 1e-4);
+    let material = &scene.materials[0];
+    close(material.surface.reflectance, [0.25, 0.5, 0.5], 1e-4);
+    let texture = material.texture.as_ref().unwrap();
+    assert_eq!((texture.factor, texture.wrap), (Rgb([0.5, 1.0, 1.0]), [Wrap::Repeat; 2]));
+    assert_eq!(scene.images.len(), 1);
+    assert_eq!((scene.images[0].mime.as_str(), &scene.images[0].bytes), ("image/png", &png(&pixels)));
+    assert_eq!(scene.faces[0].uv.as_ref().unwrap()[1], DVec2::new(1.0, 0.0));
+
+    let grey = textured(
+        &halves([128, 128, 128, 255], [128, 128, 128, 255]),
+        json!({}),
+        |texture| json!({"pbrMetallicRoughness": {"baseColorTexture": {"index": texture}}}),
+    );
+    close(grey.scene().faces[0].surface.unwrap().reflectance, [linear(128); 3], 1e-4);
+}
+
+/// Catches a texture transform, texture coordinate set or wrap mode that is not honoured, or a wrong turn.
+#[test]
+fn texture_transforms_sets_and_wraps_are_honoured() {
+    let quadrants =
+        RgbaImage::from_fn(8, 8, |x, y| Rgba([if x < 4 { 0 } else { 255 }, if y < 4 { 0 } else { 255 }, 255, 255]));
+    let colours = |info: Value, sampler: Value| {
+        let mut glb = textured(&quadrants, sampler, |texture| {
+            let mut info = info.clone();
+            info["index"] = json!(texture);
+            json!({"pbrMetallicRoughness": {"baseColorTexture": info}})
+        });
+        let second = glb.floats("VEC2", &[0.5, 0.5, 1.0, 0.5, 1.0, 1.0, 0.5, 1.0]);
+        glb.attribute("TEXCOORD_1", second);
+        let scene = glb.scene();
+        let surfaces: Vec<Rgb> = scene.faces.iter().map(|face| face.surface.unwrap().reflectance).collect();
+        ((surfaces[0] + surfaces[1]) / 2.0, scene)
+    };
+    let transform = |json: Value| json!({"extensions": {"KHR_texture_transform": json}});
+    close(colours(json!({}), json!({})).0, [0.5, 0.5, 1.0], 1e-4);
+    close(colours(json!({"texCoord": 1}), json!({})).0, [1.0, 1.0, 1.0], 1e-4);
+    close(colours(transform(json!({"scale": [0.5, 0.5], "offset": [0.5, 0]})), json!({})).0, [1.0, 0.0, 1.0], 1e-4);
+    let (mean, scene) = colours(transform(json!({"texCoord": 1, "offset": [-0.5, 0]})), json!({}));
+    close(mean, [0.0, 1.0, 1.0], 1e-4);
+    assert_eq!(scene.faces[0].uv.as_ref().unwrap()[0], DVec2::new(0.0, 0.5));
+    // A quarter turn: +u goes to -v (upwards), +v to +u. The unit square lands on u in 0..1, v in -1..0.
+    let quarter = json!({"rotation": PI / 2.0, "scale": [0.5, 0.5], "offset": [0, 1]});
+    let (mean, scene) = colours(transform(quarter), json!({}));
+    close(mean, [0.0, 1.0, 1.0], 1e-4);
+    assert!((scene.faces[0].uv.as_ref().unwrap()[1] - DVec2::new(0.0, 0.5)).length() < 1e-6);
+    // Beyond the edge: clamped to the last column; mirrored to the first half again.
+    let beyond = json!({"offset": [1, 0], "scale": [0.5, 1]});
+    let clamp = json!({"wrapS": 33071, "wrapT": 33071});
+    close(colours(transform(beyond.clone()), clamp).0, [1.0, 0.5, 1.0], 1e-4);
+    close(colours(transform(beyond.clone()), json!({"wrapS": 33648})).0, [1.0, 0.5, 1.0], 1e-4);
+    close(colours(transform(beyond), json!({})).0, [0.0, 0.5, 1.0], 1e-4);
+}
+
+/// Catches vertex colours decoded as sRGB, not normalised, or not averaged.
+#[test]
+fn vertex_colours_multiply_the_base_colour() {
+    let mut glb = Glb::triangle(json!({"pbrMetallicRoughness": {"baseColorFactor": [0.5, 1, 1, 1]}}));
+    let colours = glb.accessor("VEC4", UBYTE, 3, &[255, 0, 51, 255, 255, 0, 51, 255, 255, 255, 51, 255]);
+    glb.json["accessors"][colours]["normalized"] = json!(true);
+    glb.attribute("COLOR_0", colours);
+    close(glb.scene().faces[0].surface.unwrap().reflectance, [0.5, 1.0 / 3.0, 0.2], 1e-12);
+}
+
+/// Catches a mask that is upside down, cut at the wrong alpha, or coloured by what is not there.
+#[test]
+fn masks_are_kept_per_texel() {
+    let pixels = halves([0, 255, 0, 100], [255, 0, 0, 200]);
+    let mask = |cutoff: f64, factor: f64| {
+        textured(&pixels, json!({"wrapS": 33071}), |texture| {
+            json!({"alphaMode": "MASK", "alphaCutoff": cutoff, "pbrMetallicRoughness": {
+                "baseColorFactor": [1, 1, 1, factor], "baseColorTexture": {"index": texture},
+            }})
+        })
+        .scene()
+    };
+    let scene = mask(0.5, 1.0);
+    assert_eq!(scene.materials[0].alpha, Alpha::Mask(0));
+    let found = &scene.masks[0];
+    assert_eq!((found.width, found.height, found.wrap), (8, 8, [Wrap::Clamp, Wrap::Repeat]));
+    assert!(!found.is_solid(DVec2::new(0.4, 0.1)) && found.is_solid(DVec2::new(0.6, 0.1)));
+    let surface = scene.faces[0].surface.unwrap();
+    assert!((surface.opacity - 0.75).abs() < 1e-4);
+    close(surface.reflectance, [1.0, 0.0, 0.0], 1e-4);
+    // The factor multiplies alpha before the cut: 200/255 * 0.5 is below 0.5, above 0.35.
+    assert!(mask(0.5, 0.5).masks[0].solid.iter().all(|solid| !solid));
+    assert_eq!(mask(0.35, 0.5).masks[0].solid.iter().filter(|&&solid| solid).count(), 32);
+
+    // Two materials that cut alike share a mask; one that cuts otherwise has its own.
+    let mut twins = textured(
+        &pixels,
+        json!({}),
+        |texture| json!({"alphaMode": "MASK", "pbrMetallicRoughness": {"baseColorTexture": {"index": texture}}}),
+    );
+    for cutoff in [0.5, 0.9] {
+        let primitive = twins.json["meshes"][0]["primitives"][0].clone();
+        let mut material = twins.json["materials"][0].clone();
+        material["alphaCutoff"] = json!(cutoff);
+        let number = twins.push("materials", material);
+        let primitives = twins.json["meshes"][0]["primitives"].as_array_mut().unwrap();
+        primitives.push(primitive);
+        primitives.last_mut().unwrap()["material"] = json!(number);
+    }
+    let scene = twins.scene();
+    let alphas: Vec<Alpha> = scene.materials.iter().map(|material| material.alpha).collect();
+    assert_eq!(alphas, [Alpha::Mask(0), Alpha::Mask(0), Alpha::Mask(1)]);
+    assert_eq!(scene.masks.len(), 2);
+
+    let whole = |alpha: f64| {
+        let pbr = json!({"baseColorFactor": [1, 1, 1, alpha]});
+        Glb::triangle(json!({"alphaMode": "MASK", "pbrMetallicRoughness": pbr})).scene()
+    };
+    assert_eq!((whole(0.6).materials[0].surface.opacity, whole(0.6).materials[0].alpha), (1.0, Alpha::Opaque));
+    assert_eq!((whole(0.4).materials[0].surface.opacity, whole(0.4).materials[0].alpha), (0.0, Alpha::Attenuate));
+    find(&whole(0.4), IssueKind::Assumed, "material 0", "below alphaCutoff");
+}
+
+/// Catches alpha averaged wrongly, colour not weighted by it, or light made by glass.
+#[test]
+fn blend_and_transmission_attenuate() {
+    let glb = textured(&halves([0, 0, 255, 51], [255, 0, 0, 255]), json!({}), |texture| {
+        json!({"alphaMode": "BLEND", "pbrMetallicRoughness": {
+            "baseColorFactor": [1, 1, 1, 0.5], "baseColorTexture": {"index": texture},
+        }})
+    });
+    let scene = glb.scene();
+    assert_eq!(scene.materials[0].alpha, Alpha::Attenuate);
+    let surface = scene.materials[0].surface;
+    // Alpha 0.2 and 1 in halves, times 0.5.
+    assert!((surface.opacity - 0.3).abs() < 1e-4);
+    close(surface.reflectance, [0.5 / 0.6, 0.0, 0.1 / 0.6], 1e-4);
+
+    let glass = Glb::triangle(json!({
+        "pbrMetallicRoughness": {"baseColorFactor": [0.9, 0.8, 0.7, 1], "metallicFactor": 0},
+        "extensions": {"KHR_materials_transmission": {"transmissionFactor": 0.75}},
+    }))
+    .scene();
+    let surface = glass.materials[0].surface;
+    assert_eq!(glass.materials[0].alpha, Alpha::Attenuate);
+    // Passing 0.75 * 0.8; reflected 0.25 of the base colour, by the opaque 0.4.
+    assert!((surface.opacity - 0.4).abs() < 1e-12);
+    close(surface.reflectance * surface.opacity, [0.225, 0.2, 0.175], 1e-12);
+    for band in 0..3 {
+        assert!(surface.reflectance[band] <= 1.0, "glass must not make light");
+    }
+}
+
+/// Catches a missing or broken picture that ends the reading, or goes unsaid.
+#[test]
+fn a_missing_image_leaves_the_factor() {
+    let material = json!({"name": "paper", "pbrMetallicRoughness": {
+        "baseColorFactor": [0.5, 0.5, 0.5, 1], "baseColorTexture": {"index": 0},
+    }});
+    for (uri, part) in [
+        ("gone%20away.png", "no such file"),
+        ("http://example.org/x.png", "refused"),
+        ("data:image/png;base64,AAAA", "cannot be decoded"),
+    ] {
+        let mut glb = Glb::triangle(material.clone());
+        glb.push("images", json!({"uri": uri}));
+        glb.push("textures", json!({"source": 0}));
+        let scene = glb.scene();
+        let issue = find(&scene, IssueKind::MissingFile, "paper", part);
+        assert!(issue.message.contains("image 0") || issue.message.contains(uri), "{issue:?}");
+        close(scene.materials[0].surface.reflectance, [0.5; 3], 1e-12);
+        assert_eq!((scene.materials[0].texture.as_ref(), scene.images.len()), (None, 0));
+    }
+}
+
+/// Catches pixels allocated because a header of 54 bytes claims them.
+#[test]
+fn an_image_that_claims_too_much_is_refused() {
+    let mut header = b"BM\x36\0\0\0\0\0\0\0\x36\0\0\0\x28\0\0\0".to_vec();
+    [30_000_u32, 30_000].iter().for_each(|side| header.extend_from_slice(&side.to_le_bytes()));
+    header.extend_from_slice(&[1, 0, 24, 0]);
+    header.resize(54, 0);
+    let folder = Folder::new();
+    folder.write("claim.bmp", header);
+    let mut glb = Glb::triangle(json!({"name": "paper", "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}));
+    glb.push("images", json!({"uri": "claim.bmp"}));
+    glb.push("textures", json!({"source": 0}));
+    find(&folder.read("room.glb", glb.bytes()).unwrap(), IssueKind::MissingFile, "paper", "30000 x 30000 texels");
+}
+
+/// Catches files beside the scene that are not found, and pictures of other formats passed on as they are.
+#[test]
+fn external_files_are_found() {
+    let folder = Folder::new();
+    let mut glb = textured(
+        &halves([0; 4], [255; 4]),
+        json!({}),
+        |texture| json!({"pbrMetallicRoughness": {"baseColorTexture": {"index": texture}}}),
+    );
+    glb.json["buffers"] = json!([{"uri": "data%20files/room.bin", "byteLength": glb.bin.len()}]);
+    glb.json["images"] = json!([{"uri": "../pictures/wall.bmp"}]);
+    folder.write("scene/data files/room.bin", &glb.bin);
+    halves([0, 0, 0, 255], [255; 4]).save(folder.write("pictures/wall.bmp", [])).unwrap();
+    // A byte order mark before the JSON, too.
+    let scene = folder.read("scene/room.gltf", format!("\u{feff}{}", glb.json)).unwrap();
+    close(scene.materials[0].surface.reflectance, [0.5; 3], 1e-4);
+    assert_eq!(scene.images[0].mime, "image/png");
+    assert!(scene.images[0].bytes.starts_with(b"\x89PNG"));
+}
+
+// ---------------------------------------------------------------------------------------------------- errors
+
+/// Catches a broken container or JSON that panics, allocates, or is reported without its file.
+#[test]
+fn broken_containers_are_errors() {
+    let folder = Folder::new();
+    let whole = Glb::triangle(json!({})).bytes();
+    for length in 0..whole.len() {
+        let error = folder.read("cut.glb", &whole[..length]).unwrap_err();
+        assert_one_line(&error);
+        assert!(error.to_string().contains("cut.glb"));
+    }
+    let malformed = |name: &str, bytes: &[u8], part: &str| {
+        let error = folder.read(name, bytes).unwrap_err();
+        assert_one_line(&error);
+        assert!(matches!(error, ReadError::Malformed { .. }), "{error}");
+        assert!(error.to_string().contains(part), "{error}");
+    };
+    malformed("magic.glb", b"glTX\x02\0\0\0", "JSON");
+    malformed("old.glb", b"glTF\x01\0\0\0\x0c\0\0\0", "version 1");
+    malformed("huge.glb", b"glTF\x02\0\0\0\xff\xff\xff\xff\xff\xff\xff\xffJSON", "truncated");
+    malformed("short.glb", b"glTF\x02\0\0\0\x02\0\0\0\0\0\0\0", "truncated");
+    malformed("empty.glb", b"glTF\x02\0\0\0\x0c\0\0\0", "no JSON chunk");
+    malformed("deep.gltf", "[".repeat(1 << 20).as_bytes(), "JSON");
+    let deep = format!("{{\"asset\":{{\"version\":\"2.0\"}},\"extras\":{}", "[".repeat(1 << 20));
+    malformed("deep2.gltf", deep.as_bytes(), "JSON");
+}
+
+/// Catches directories, missing files, unknown formats reported without what to do.
+#[test]
+fn unreadable_paths_are_errors() {
+    let folder = Folder::new();
+    let say = |path: &Path| {
+        let error = read(path, &ReadOptions::default()).unwrap_err();
+        assert_one_line(&error);
+        error.to_string()
+    };
+    assert!(say(&folder.0).contains("directory"));
+    assert!(say(&folder.0.join("gone.glb")).contains("no such file"));
+    let unknown = say(&folder.write("room.dae", "<COLLADA/>"));
+    for part in [".dae", ".glb", ".gltf", ".obj", "trimesh"] {
+        assert!(unknown.contains(part), "{unknown}");
+    }
+    assert!(say(&folder.write("room", "?")).contains("no extension"));
+    assert!(say(&folder.write("a\nb.dae", "?")).contains('\u{fffd}'));
+    // Content counts more than the name.
+    read(&folder.write("room.bin", Glb::triangle(json!({})).bytes()), &ReadOptions::default()).unwrap();
+}
+
+/// Catches lengths, offsets and indices that are believed: each must be an error that names the object.
+#[test]
+fn claims_are_checked_against_the_file() {
+    let object = |change: &dyn Fn(&mut Value), part: &str| {
+        let mut glb = Glb::triangle(json!({}));
+        glb.json["nodes"][0]["name"] = json!("evil\nname");
+        change(&mut glb.json);
+        let error = glb.error().to_string();
+        assert!(error.contains("room.glb") && error.contains("evil\u{fffd}name") && error.contains(part), "{error}");
+    };
+    let huge = u64::MAX / 2;
+    object(&|json| json["accessors"][0]["count"] = json!(4_000_000_000_u64), "do not fit");
+    object(&|json| json["accessors"][0]["count"] = json!(huge), "do not fit");
+    object(&|json| json["accessors"][0]["byteOffset"] = json!(huge), "do not fit");
+    object(&|json| json["bufferViews"][0]["byteStride"] = json!(huge), "do not fit");
+    object(&|json| json["bufferViews"][0]["byteStride"] = json!(1), "stride");
+    object(&|json| json["bufferViews"][0]["byteOffset"] = json!(huge), "buffer view 0");
+    object(&|json| json["bufferViews"][0]["buffer"] = json!(7), "buffer 7");
+    object(&|json| json["accessors"][0]["bufferView"] = json!(9), "buffer view 9");
+    object(&|json| json["accessors"][0]["type"] = json!("VEC2"), "VEC2");
+    object(&|json| json["accessors"][0]["componentType"] = json!(1), "component type 1");
+    object(&|json| drop(json["accessors"][0].as_object_mut().unwrap().remove("bufferView")), "no data");
+    object(&|json| json["meshes"][0]["primitives"][0]["attributes"]["POSITION"] = json!(5), "accessor 5");
+    object(&|json| json["meshes"][0]["primitives"][0]["material"] = json!(5), "material 5");
+    object(&|json| json["nodes"][0]["mesh"] = json!(5), "mesh 5");
+    object(&|json| json["nodes"][0]["camera"] = json!(5), "camera 5");
+    object(
+        &|json| {
+            json["accessors"][0]["sparse"] = json!({"count": 1, "indices": {"bufferView": 0, "componentType": 5121,
+                "byteOffset": 6}, "values": {"bufferView": 0}});
+            json["accessors"][0]["count"] = json!(0);
+        },
+        "sparse element",
+    );
+    // Zeros by the thousand million, of which none is in the file.
+    object(
+        &|json| {
+            json["accessors"][0] = json!({"componentType": 5126, "type": "VEC3", "count": 4_000_000_000_u64, "sparse":
+                {"count": 0, "indices": {"bufferView": 0, "componentType": 5125}, "values": {"bufferView": 0}}});
+        },
+        "more than the file has bytes for",
+    );
+
+    let mut glb = Glb::triangle(json!({}));
+    let indices = glb.indices_u16(&[0, 1, 2, 0, 2, 3]);
+    glb.json["meshes"][0]["primitives"][0]["indices"] = json!(indices);
+    let expected = "object 'tri': face 1: vertex 3 is out of range (there are 3)";
+    assert!(glb.error().to_string().contains(expected));
+
+    let mut glb = Glb::triangle(json!({}));
+    glb.json["scenes"][0]["nodes"] = json!([77]);
+    assert!(glb.error().to_string().contains("node 77"));
+    glb.json["scene"] = json!(3);
+    assert!(glb.error().to_string().contains("scene 3"));
+}
+
+/// Catches buffers that are missing, short, or fetched from where they should not be.
+#[test]
+fn buffers_must_be_there() {
+    let folder = Folder::new();
+    for (buffer, part) in [
+        (json!({"uri": "gone.bin", "byteLength": 4}), "buffer 0 ('gone.bin'): no such file"),
+        (json!({"uri": "https://example.org/a.bin", "byteLength": 4}), "refused"),
+        (json!({"uri": "/etc/hostname", "byteLength": 4}), "refused"),
+        (json!({"uri": "data:;base64,AAAA", "byteLength": 4_000_000_000_u64}), "3 are there"),
+        (json!({"byteLength": 4}), "neither"),
+        (json!({"uri": ".", "byteLength": 4}), "directory"),
+    ] {
+        let json = json!({"asset": {"version": "2.0"}, "buffers": [buffer]});
+        let error = folder.read("room.gltf", json.to_string()).unwrap_err();
+        assert_one_line(&error);
+        assert!(matches!(error, ReadError::Buffer { .. }) && error.to_string().contains(part), "{error}");
+    }
+}
+
+/// Catches a file read although it says that it cannot be understood, or refused without a remedy.
+#[test]
+fn required_extensions_are_heeded() {
+    for (name, remedy) in [
+        ("KHR_draco_mesh_compression", "without mesh compression"),
+        ("EXT_meshopt_compression", "without mesh compression"),
+        ("KHR_texture_basisu", "PNG"),
+        ("ACME_thing", "without this extension"),
+    ] {
+        let mut glb = Glb::triangle(json!({}));
+        glb.json["extensionsRequired"] = json!([name]);
+        let error = glb.error().to_string();
+        assert!(error.contains("room.glb") && error.contains(name) && error.contains(remedy), "{error}");
+    }
+    let mut glb = Glb::triangle(json!({}));
+    glb.json["extensionsRequired"] = json!(["KHR_materials_clearcoat", "KHR_texture_transform"]);
+    assert_eq!(glb.scene().faces.len(), 1);
+    // Draco that is optional, but without the data it is optional to.
+    let accessor = glb.push("accessors", json!({"componentType": 5126, "type": "VEC3", "count": 3}));
+    glb.attribute("POSITION", accessor);
+    glb.json["meshes"][0]["primitives"][0]["extensions"] = json!({"KHR_draco_mesh_compression": {"bufferView": 0}});
+    assert!(glb.error().to_string().contains("Draco") || glb.error().to_string().contains("draco"));
+    glb.json["asset"]["version"] = json!("1.0");
+    assert!(glb.error().to_string().contains("glTF 1.0"));
+}
+
+/// Catches a small file that asks for more faces than memory holds.
+#[test]
+fn instances_by_the_million_are_refused() {
+    let mut glb = Glb::new();
+    let position = glb.floats("VEC3", &[0.0; 9]);
+    let indices = glb.accessor("SCALAR", UBYTE, 60_000, &[0; 60_000]);
+    glb.push("meshes", json!({"primitives": [{"attributes": {"POSITION": position}, "indices": indices}]}));
+    let count = MAX_FACES / 20_000 + 1;
+    glb.json["nodes"] = (0..count).map(|_| json!({"mesh": 0})).collect();
+    glb.json["scenes"][0]["nodes"] = (0..count).collect();
+    assert!(matches!(glb.error(), ReadError::TooLarge { .. }));
+}
+
+fn everything() -> Vec<u8> {
+    let mut glb = textured(&halves([9, 200, 30, 40], [255, 0, 0, 255]), json!({"wrapS": 33648}), |texture| {
+        json!({"alphaMode": "MASK", "emissiveFactor": [1, 1, 1], "emissiveTexture": {"index": texture},
+            "pbrMetallicRoughness": {"baseColorTexture": {"index": texture,
+                "extensions": {"KHR_texture_transform": {"rotation": 0.3}}}}})
+    });
+    let colours = glb.accessor("VEC4", UBYTE, 4, &[7; 16]);
+    glb.attribute("COLOR_0", colours);
+    glb.push("cameras", json!({"type": "perspective", "perspective": {"yfov": 0.8, "znear": 0.1}}));
+    let camera = glb.push("nodes", json!({"camera": 0}));
+    glb.json["nodes"][0]["children"] = json!([camera]);
+    glb.bytes()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(2000))]
+    /// Catches a panic, or an error of several lines, on any damage to a sound file.
+    #[test]
+    fn damaged_files_never_panic(
+        changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..8),
+        cut in prop::option::weighted(0.2, any::<prop::sample::Index>()),
+    ) {
+        let mut bytes = everything();
+        for (place, value) in changes {
+            let place = place.index(bytes.len());
+            bytes[place] = value;
+        }
+        if let Some(cut) = cut {
+            bytes.truncate(cut.index(bytes.len()));
+        }
+        if let Err(error) = Folder::new().read("damaged.glb", bytes) {
+            assert_one_line(&error);
+        }
+    }
+
+    /// Catches the same for OBJ.
+    #[test]
+    fn damaged_obj_files_never_panic(
+        changes in prop::collection::vec((any::<prop::sample::Index>(), prop::sample::select(b"0123456789-/ \n\\vftog.e".to_vec())), 1..12),
+    ) {
+        let mut bytes = OBJ.as_bytes().to_vec();
+        for (place, value) in changes {
+            let place = place.index(bytes.len());
+            bytes[place] = value;
+        }
+        if let Err(error) = Folder::new().read("damaged.obj", bytes) {
+            assert_one_line(&error);
+        }
+    }
+}
+
+// ---------------------------------------------------------------------------------------------------- OBJ
+
+const OBJ: &str = "\
+# a room
+mtllib room.mtl
+v 0 0 0
+v 2 0 0
+v 2 1 0
+v 0 1 0
+v 1 1 0.0 1.0
+v 1 2 0
+vt 0 0
+vt 1 0
+vt 1 1
+vt 0 1
+o floor
+usemtl wood
+f 1/1 2/2 3/3 4/4
+usemtl light source
+f -6 -5 -4
+g roof
+usemtl nowhere
+f 1 2 3 5 4
+l 1 2 3
+f 1 2
+o floor
+f 4// 3//\\
+ 6//
+";
+
+const MTL: &str = "\
+newmtl wood
+Kd 0.5 1 1
+map_Kd wood.png
+newmtl light source
+Kd 0.2 0.2 0.2
+Ke 1 2 3
+d 0.25
+Tr 0.9
+";
+
+/// Catches a quadrilateral cut up, a group lost, an index resolved wrongly, v upside down, Ke without pi, d for Tr.
+#[test]
+fn obj_is_read_with_its_library() {
+    let folder = Folder::new();
+    folder.write("room.mtl", MTL);
+    // Upper half black, lower half white.
+    let picture = RgbaImage::from_fn(4, 4, |_, y| Rgba(if y < 2 { [0, 0, 0, 255] } else { [255; 4] }));
+    folder.write("wood.png", png(&picture));
+    let scene = folder.read("room.obj", OBJ).unwrap();
+
+    let names: Vec<&str> = scene.objects.iter().map(|object| object.name.as_str()).collect();
+    assert_eq!(names, ["floor", "roof"]);
+    // One quadrilateral, one triangle, five corners as three triangles, one triangle of floor again.
+    assert_eq!(scene.faces.iter().map(|face| face.corners.len()).collect::<Vec<_>>(), [4, 3, 3, 3, 3, 3]);
+    assert_eq!(scene.faces.iter().map(|face| face.object).collect::<Vec<_>>(), [0, 0, 1, 1, 1, 0]);
+    let names: Vec<&str> = scene.materials.iter().map(|material| material.name.as_str()).collect();
+    assert_eq!(names, ["wood", "light source", "nowhere"]);
+
+    let quad = &scene.faces[0];
+    close(quad.surface.unwrap().reflectance, [0.25, 0.5, 0.5], 1e-4);
+    assert_eq!(quad.uv.as_ref().unwrap()[0], DVec2::new(0.0, 1.0));
+    assert_eq!(scene.materials[0].texture.as_ref().unwrap().factor, Rgb([0.5, 1.0, 1.0]));
+    near(scene.faces[1].corners[2], [2.0, 1.0, 0.0]);
+    near(scene.faces[5].corners[2], [1.0, 2.0, 0.0]);
+    let light = &scene.materials[1];
+    close(light.surface.reflectance, [0.2; 3], 1e-12);
+    // d is opacity; it takes its share of the emission, too.
+    close(light.surface.emission, [0.25 * PI, 0.5 * PI, 0.75 * PI], 1e-12);
+    assert_eq!((light.surface.opacity, light.alpha), (0.25, Alpha::Attenuate));
+    close(scene.materials[2].surface.reflectance, [0.5; 3], 1e-12);
+    find(&scene, IssueKind::Assumed, "nowhere", "no material library defines it");
+    assert!(scene.issues.iter().any(|issue| issue.kind == IssueKind::Assumed && issue.message.contains("metres")));
+    assert!(scene.issues.iter().any(|issue| issue.message.contains("2 points and lines")));
+}
+
+/// Catches a missing library that ends the reading, or goes unsaid.
+#[test]
+fn obj_without_its_library_is_grey() {
+    let scene = Folder::new().read("room.obj", OBJ).unwrap();
+    find(&scene, IssueKind::MissingFile, "room.mtl", "no such file");
+    find(&scene, IssueKind::MissingFile, "wood", "0.5");
+    assert!(scene.materials.iter().all(|material| material.surface.reflectance == Rgb::splat(0.5)));
+}
+
+/// Catches errors without object, face or line.
+#[test]
+fn obj_errors_say_where() {
+    let folder = Folder::new();
+    let say = |text: &str| {
+        let error = folder.read("room.obj", text).unwrap_err();
+        assert_one_line(&error);
+        error.to_string()
+    };
+    let triangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\no sofa\nf 1 2 3\n";
+    assert!(
+        say(&format!("{triangle}f 1 2 9")).contains("object 'sofa': face 1: vertex 9 is out of range (there are 3)")
+    );
+    for index in ["0", "-4", "9223372036854775807", "-9223372036854775808"] {
+        assert!(say(&format!("{triangle}f 1 2 {index}")).contains("out of range"), "{index}");
+    }
+    assert!(say(&format!("{triangle}f 1/1 2/1 3/1")).contains("texture coordinate 1 is out of range"));
+    assert!(say(&format!("{triangle}f 1 2 99999999999999999999")).contains("line 6"));
+    assert!(say("v 1 2").contains("line 1"));
+    let many = (0..2000).map(|i| format!("v {} {} 0\n", i % 7, i)).collect::<String>();
+    let face: String = (1..=2000).map(|i| format!(" {i}")).collect();
+    assert!(say(&format!("{many}f{face}")).contains("concave"));
+}
+
+// ---------------------------------------------------------------------------------------------------- oracles
+
+/// Catches what the `gltf` crate reads otherwise: positions and node transforms of a sound file.
+#[test]
+fn gltf_agrees_with_the_gltf_crate() {
+    let mut glb = Glb::triangle(json!({}));
+    glb.json["nodes"] = json!([
+        {"translation": [1, 2, 3], "rotation": [0.5, -0.5, 0.1, 0.7], "scale": [1, 2, 3], "children": [1]},
+        {"mesh": 0, "matrix": [0, 1, 0, 0, -1, 0, 0, 0, 0, 0, 2, 0, 4, 5, 6, 1]},
+    ]);
+    glb.json["accessors"][0]["min"] = json!([0, 0, 0]);
+    glb.json["accessors"][0]["max"] = json!([1, 1, 0]);
+    let bytes = glb.bytes();
+    let oracle = gltf::Gltf::from_slice(&bytes).unwrap();
+    let outer = oracle.scenes().next().unwrap().nodes().next().unwrap();
+    let inner = outer.children().next().unwrap();
+    let matrix = |node: &gltf::Node<'_>| {
+        glam::DMat4::from_cols_array(&std::array::from_fn(|k| f64::from(node.transform().matrix()[k / 4][k % 4])))
+    };
+    let world = matrix(&outer) * matrix(&inner);
+    let blob = oracle.blob.as_ref().unwrap();
+    let primitive = inner.mesh().unwrap().primitives().next().unwrap();
+    let positions = primitive.reader(|_| Some(blob)).read_positions().unwrap();
+    let scene = glb.scene();
+    for (position, corner) in positions.zip(&scene.faces[0].corners) {
+        let expected = world.transform_point3(DVec3::from_array(position.map(f64::from)));
+        // The crate multiplies in f32.
+        assert!((expected - *corner).length() < 1e-5, "{expected} {corner}");
+    }
+}
+
+/// Catches what `tobj` reads otherwise: corners, objects and materials of a sound file.
+#[test]
+fn obj_agrees_with_tobj() {
+    let folder = Folder::new();
+    folder.write("room.mtl", MTL.replace("map_Kd wood.png\n", ""));
+    // Without what tobj takes otherwise: polylines as faces, two corners as a line, a recurring group as a new one.
+    let sound =
+        OBJ.replace("l 1 2 3\nf 1 2\n", "").replace("4// 3//\\\n 6//", "4 3 6").replace("o floor\nf 4", "o attic\nf 4");
+    let path = folder.write("room.obj", &sound);
+    let scene = read(&path, &ReadOptions::default()).unwrap();
+    let (models, materials) = tobj::load_obj(&path, &tobj::LoadOptions::default()).unwrap();
+    let materials = materials.unwrap();
+    let mut faces = scene.faces.iter();
+    for model in &models {
+        let mesh = &model.mesh;
+        let mut at = 0;
+        let arities =
+            if mesh.face_arities.is_empty() { vec![3; mesh.indices.len() / 3] } else { mesh.face_arities.clone() };
+        for arity in arities {
+            let corners = &mesh.indices[at..at + arity as usize];
+            at += arity as usize;
+            // Five corners are three triangles here: their union is compared by corner 0 alone.
+            let first = faces.next().unwrap();
+            (0..arity.saturating_sub(4) * 2).for_each(|_| assert!(faces.next().is_some()));
+            assert_eq!(scene.objects[first.object as usize].name, model.name);
+            let material = mesh.material_id.map_or("nowhere", |id| materials[id].name.as_str());
+            assert_eq!(scene.materials[first.material as usize].name, material);
+            if arity <= 4 {
+                for (&index, corner) in corners.iter().zip(&first.corners) {
+                    let at = 3 * index as usize;
+                    near(*corner, [0, 1, 2].map(|k| f64::from(mesh.positions[at + k])));
+                }
+            }
+        }
+    }
+    assert!(faces.next().is_none());
+    assert_eq!(materials[1].emissive, Some([1.0, 2.0, 3.0]));
+}
