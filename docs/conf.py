@@ -1,4 +1,4 @@
-"""How Sphinx builds these pages: Markdown by MyST, the API from docstrings, the command line from the command itself."""
+"""How Sphinx builds these pages: Markdown by MyST, the API from docstrings, the command line from itself."""
 
 from isolux import __version__
 
