@@ -4,10 +4,9 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
-
 from builder import Material, Mesh, Scene, turn
 from cube import HOWELL, parallel_squares
+from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 

@@ -17,7 +17,6 @@ pub struct SettingsError {
 
 /// Why no solution came out.
 #[derive(Clone, Debug, PartialEq, Error)]
-#[non_exhaustive]
 pub enum SolveError {
     /// A setting makes no sense.
     #[error(transparent)]
@@ -38,7 +37,6 @@ pub enum SolveError {
 
 /// Why a solution could not be read back.
 #[derive(Clone, Debug, PartialEq, Error)]
-#[non_exhaustive]
 pub enum RecordError {
     /// An array or attribute is missing.
     #[error("'{name}' is missing")]
@@ -76,7 +74,6 @@ pub enum RecordError {
 
 /// Why no picture came out.
 #[derive(Clone, Debug, PartialEq, Error)]
-#[non_exhaustive]
 pub enum RenderError {
     /// The scene has no camera of that name.
     #[error("there is no camera '{name}'; the scene has: {available}")]

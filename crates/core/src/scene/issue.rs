@@ -56,7 +56,6 @@ pub struct Issue {
 
 /// Why no scene could be made.
 #[derive(Clone, Debug, PartialEq, Error)]
-#[non_exhaustive]
 pub enum SceneError {
     /// No face with area is left.
     #[error("the scene has no surfaces ({dropped} faces without area were dropped)")]

@@ -94,7 +94,7 @@ pub fn balance<P: Probe>(
                 return None;
             }
         }
-        let mut stream = Stream::new(mix(seed ^ 0x6261_6c61_6e63_65) ^ ray);
+        let mut stream = Stream::new(mix(seed ^ 0x0062_616c_616e_6365) ^ ray);
         let target = (ray as f64 + stream.next_unit()) / RAYS as f64 * total;
         while at + 1 < leaves.len() && passed + leaving[at] <= target {
             passed += leaving[at];

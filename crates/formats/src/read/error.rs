@@ -6,7 +6,6 @@ use thiserror::Error;
 /// Why a scene file cannot be read. Every message is one line: names from files are stripped of control characters
 /// before they get in here.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
-#[non_exhaustive]
 pub enum ReadError {
     /// The file cannot be opened or read, or is a directory.
     #[error("{file}: cannot be read: {reason}")]
@@ -19,7 +18,7 @@ pub enum ReadError {
     /// Neither content nor extension is one that is read here.
     #[error(
         "{file}: unknown format ({found}): .glb, .gltf and .obj are read natively, other formats through the Python \
-         extra `trimesh` (pip install \"isolux[trimesh]\")"
+         extra `meshes` (pip install \"isolux[meshes]\")"
     )]
     UnknownFormat {
         /// The file.

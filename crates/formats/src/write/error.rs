@@ -6,7 +6,6 @@ use thiserror::Error;
 
 /// A file that was not written.
 #[derive(Debug, Error)]
-#[non_exhaustive]
 pub enum WriteError {
     /// The mesh has no triangles at all.
     #[error("scene '{scene}' has no triangles to write")]

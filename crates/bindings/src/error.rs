@@ -1,0 +1,270 @@
+//! Every error of the facade becomes one exception of `isolux.exceptions`; a new variant does not compile until it has
+//! its place here.
+
+use isolux::core::scene::SceneError as CoreSceneError;
+use isolux::core::scene::SceneViolation;
+use isolux::formats::read::ReadError as FormatsReadError;
+use isolux::formats::write::WriteError as FormatsWriteError;
+use isolux::{RecordError, RenderError as FacadeRenderError, SettingsError as FacadeSettingsError, SolveError};
+use pyo3::import_exception;
+use pyo3::prelude::*;
+use pyo3::types::PyList;
+
+import_exception!(isolux.exceptions, InternalError);
+import_exception!(isolux.exceptions, NoLightError);
+import_exception!(isolux.exceptions, ReadError);
+import_exception!(isolux.exceptions, RenderError);
+import_exception!(isolux.exceptions, SceneError);
+import_exception!(isolux.exceptions, SettingsError);
+import_exception!(isolux.exceptions, SolutionFileError);
+import_exception!(isolux.exceptions, WriteError);
+
+/// An error with its place in Python.
+pub(crate) trait PythonError {
+    fn exception(self) -> PyErr;
+}
+
+/// For `map_err`.
+pub(crate) fn to_python(error: impl PythonError) -> PyErr {
+    error.exception()
+}
+
+/// A defect of the program.
+pub(crate) fn internal(message: String) -> PyErr {
+    InternalError::new_err(message)
+}
+
+impl PythonError for FacadeSettingsError {
+    fn exception(self) -> PyErr {
+        SettingsError::new_err(self.to_string())
+    }
+}
+
+impl PythonError for CoreSceneError {
+    fn exception(self) -> PyErr {
+        let message = self.to_string();
+        match self {
+            CoreSceneError::Empty { .. }
+            | CoreSceneError::NotFinite { .. }
+            | CoreSceneError::CornerCount { .. }
+            | CoreSceneError::OutOfRange { .. }
+            | CoreSceneError::MaterialNotFinite { .. }
+            | CoreSceneError::Unit { .. }
+            | CoreSceneError::TooLarge { .. } => SceneError::new_err(message),
+        }
+    }
+}
+
+impl PythonError for SceneViolation {
+    fn exception(self) -> PyErr {
+        internal(self.to_string())
+    }
+}
+
+impl PythonError for SolveError {
+    fn exception(self) -> PyErr {
+        let message = self.to_string();
+        match self {
+            SolveError::Settings(error) => error.exception(),
+            SolveError::Scene(error) => error.exception(),
+            SolveError::NoLight { .. } => NoLightError::new_err(message),
+            SolveError::Internal(what) => internal(what),
+        }
+    }
+}
+
+impl PythonError for RecordError {
+    fn exception(self) -> PyErr {
+        let message = self.to_string();
+        match self {
+            RecordError::Missing { .. }
+            | RecordError::Shape { .. }
+            | RecordError::Inconsistent { .. }
+            | RecordError::Format { .. } => SolutionFileError::new_err(message),
+        }
+    }
+}
+
+impl PythonError for FacadeRenderError {
+    fn exception(self) -> PyErr {
+        let message = self.to_string();
+        match self {
+            FacadeRenderError::NoSuchCamera { .. } | FacadeRenderError::View { .. } => RenderError::new_err(message),
+            // What the observer raised is what the caller sees; this is for an observer that just says stop.
+            FacadeRenderError::Cancelled => pyo3::exceptions::PyKeyboardInterrupt::new_err(message),
+        }
+    }
+}
+
+impl PythonError for FormatsReadError {
+    fn exception(self) -> PyErr {
+        let message = self.to_string();
+        match self {
+            FormatsReadError::Io { .. }
+            | FormatsReadError::UnknownFormat { .. }
+            | FormatsReadError::Malformed { .. }
+            | FormatsReadError::Unsupported { .. }
+            | FormatsReadError::Buffer { .. }
+            | FormatsReadError::Accessor { .. }
+            | FormatsReadError::Index { .. }
+            | FormatsReadError::Reference { .. }
+            | FormatsReadError::Syntax { .. }
+            | FormatsReadError::TooLarge { .. } => ReadError::new_err(message),
+        }
+    }
+}
+
+impl PythonError for FormatsWriteError {
+    fn exception(self) -> PyErr {
+        let message = self.to_string();
+        match self {
+            FormatsWriteError::Empty { .. }
+            | FormatsWriteError::NotFinite { .. }
+            | FormatsWriteError::ImageType { .. }
+            | FormatsWriteError::TooLarge { .. }
+            | FormatsWriteError::PictureSize { .. }
+            | FormatsWriteError::Pixel { .. }
+            | FormatsWriteError::Encode { .. }
+            | FormatsWriteError::File { .. } => WriteError::new_err(message),
+            FormatsWriteError::Exposure { .. } | FormatsWriteError::White { .. } => RenderError::new_err(message),
+            // Scene and mesh come from one solution: they fit, or the program is wrong.
+            FormatsWriteError::Mismatch { .. } | FormatsWriteError::OutOfRange { .. } => internal(message),
+        }
+    }
+}
+
+/// One exception of every variant, as `(variant, exception)`: the tests look at each class and message.
+#[pyfunction]
+#[pyo3(name = "_error_samples")]
+pub(crate) fn error_samples(py: Python<'_>) -> PyResult<Bound<'_, PyList>> {
+    let object = || String::from("lamp");
+    let file = || String::from("room.glb");
+    let settings = || FacadeSettingsError { name: "error", value: "-1".into(), expected: "a number above 0" };
+    let samples: Vec<(&str, PyErr)> = vec![
+        ("SettingsError", settings().exception()),
+        ("SceneError::Empty", CoreSceneError::Empty { dropped: 2 }.exception()),
+        ("SceneError::NotFinite", CoreSceneError::NotFinite { object: object(), face: 3 }.exception()),
+        ("SceneError::CornerCount", CoreSceneError::CornerCount { object: object(), face: 3, corners: 5 }.exception()),
+        (
+            "SceneError::OutOfRange",
+            CoreSceneError::OutOfRange { what: "material", object: object(), index: 9, count: 4 }.exception(),
+        ),
+        (
+            "SceneError::MaterialNotFinite",
+            CoreSceneError::MaterialNotFinite { material: "paint".into(), what: "reflectance" }.exception(),
+        ),
+        ("SceneError::Unit", CoreSceneError::Unit { metres_per_unit: -1.0 }.exception()),
+        ("SceneError::TooLarge", CoreSceneError::TooLarge { count: 20, limit: 10 }.exception()),
+        ("SceneViolation", SceneViolation { polygon: 7, what: "unit normal" }.exception()),
+        ("SolveError::Settings", SolveError::Settings(settings()).exception()),
+        ("SolveError::Scene", SolveError::Scene(CoreSceneError::Empty { dropped: 0 }).exception()),
+        ("SolveError::NoLight", SolveError::NoLight { scene: "cave".into() }.exception()),
+        ("SolveError::Internal", SolveError::Internal("link 3 has no receiver".into()).exception()),
+        ("RecordError::Missing", RecordError::Missing { name: "links/source".into() }.exception()),
+        (
+            "RecordError::Shape",
+            RecordError::Shape {
+                name: "links/source".into(),
+                found: "shape (3,)".into(),
+                expected: "shape (4,)".into(),
+            }
+            .exception(),
+        ),
+        (
+            "RecordError::Inconsistent",
+            RecordError::Inconsistent { name: "links/source".into(), what: "names element 9 of 4".into() }.exception(),
+        ),
+        ("RecordError::Format", RecordError::Format { found: 9, supported: 1 }.exception()),
+        (
+            "RenderError::NoSuchCamera",
+            FacadeRenderError::NoSuchCamera { name: "hall".into(), available: "attic".into() }.exception(),
+        ),
+        ("RenderError::View", FacadeRenderError::View { what: "eye and target coincide".into() }.exception()),
+        ("RenderError::Cancelled", FacadeRenderError::Cancelled.exception()),
+        ("ReadError::Io", FormatsReadError::Io { file: file(), reason: "no such file".into() }.exception()),
+        (
+            "ReadError::UnknownFormat",
+            FormatsReadError::UnknownFormat { file: file(), found: ".xyz".into() }.exception(),
+        ),
+        (
+            "ReadError::Malformed",
+            FormatsReadError::Malformed { file: file(), format: "GLB", reason: "wrong magic".into() }.exception(),
+        ),
+        (
+            "ReadError::Unsupported",
+            FormatsReadError::Unsupported { file: file(), what: "glTF 1.0".into(), remedy: "export as 2.0".into() }
+                .exception(),
+        ),
+        (
+            "ReadError::Buffer",
+            FormatsReadError::Buffer { file: file(), buffer: "buffer 0".into(), reason: "is missing".into() }
+                .exception(),
+        ),
+        (
+            "ReadError::Accessor",
+            FormatsReadError::Accessor {
+                file: file(),
+                object: object(),
+                what: "POSITION (accessor 3)".into(),
+                reason: "ends beyond its buffer".into(),
+            }
+            .exception(),
+        ),
+        (
+            "ReadError::Index",
+            FormatsReadError::Index { file: file(), object: object(), face: 3, what: "vertex", index: 9, count: 4 }
+                .exception(),
+        ),
+        (
+            "ReadError::Reference",
+            FormatsReadError::Reference { file: file(), owner: "node 'lamp'".into(), what: "mesh", index: 9, count: 4 }
+                .exception(),
+        ),
+        (
+            "ReadError::Syntax",
+            FormatsReadError::Syntax { file: file(), line: 12, reason: "no number".into() }.exception(),
+        ),
+        (
+            "ReadError::TooLarge",
+            FormatsReadError::TooLarge { file: file(), object: object(), what: "faces", count: 20, limit: 10 }
+                .exception(),
+        ),
+        ("WriteError::Empty", FormatsWriteError::Empty { scene: "cave".into() }.exception()),
+        (
+            "WriteError::Mismatch",
+            FormatsWriteError::Mismatch { scene: "cave".into(), what: "number of vertices", found: 3, expected: 4 }
+                .exception(),
+        ),
+        (
+            "WriteError::OutOfRange",
+            FormatsWriteError::OutOfRange { what: "image", name: "paint".into(), index: 9, count: 4 }.exception(),
+        ),
+        (
+            "WriteError::NotFinite",
+            FormatsWriteError::NotFinite { what: "radiosity", name: "lamp".into(), value: f64::INFINITY }.exception(),
+        ),
+        ("WriteError::Exposure", FormatsWriteError::Exposure { exposure: -1.0 }.exception()),
+        ("WriteError::White", FormatsWriteError::White { white: 0.0 }.exception()),
+        (
+            "WriteError::ImageType",
+            FormatsWriteError::ImageType { image: "wood".into(), mime: "image/gif".into() }.exception(),
+        ),
+        (
+            "WriteError::TooLarge",
+            FormatsWriteError::TooLarge { what: "vertices", found: 20, limit: 10, format: "PLY" }.exception(),
+        ),
+        ("WriteError::PictureSize", FormatsWriteError::PictureSize { width: 4, height: 3, pixels: 11 }.exception()),
+        ("WriteError::Pixel", FormatsWriteError::Pixel { x: 2, y: 1, value: [f64::NAN, 0.0, 0.0] }.exception()),
+        ("WriteError::Encode", FormatsWriteError::Encode { format: "EXR", message: "no pixels".into() }.exception()),
+        (
+            "WriteError::File",
+            FormatsWriteError::File {
+                path: "lit.glb".into(),
+                action: "write",
+                source: std::io::ErrorKind::StorageFull.into(),
+            }
+            .exception(),
+        ),
+    ];
+    PyList::new(py, samples.into_iter().map(|(variant, error)| (variant, error.into_value(py))))
+}

@@ -1,0 +1,257 @@
+//! Scenes: files and arrays in, geometry, lights and findings out.
+
+use crate::array::{coordinates, entries, read_only, rows, same_length};
+use crate::error::{SceneError, internal, to_python};
+use crate::panics::guarded;
+use isolux::core::DVec3;
+use isolux::core::scene::{Alpha, BuildOptions, Face, Material, Object, Scene as CoreScene, SceneInput, Surface};
+use isolux::core::units::Rgb;
+use isolux::formats::read::{ReadOptions, read};
+use numpy::PyReadonlyArrayDyn;
+use numpy::prelude::*;
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::sync::PyOnceLock;
+use pyo3::types::PyDict;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// A validated scene.
+#[pyclass(frozen, module = "isolux._isolux")]
+pub(crate) struct Scene {
+    pub(crate) inner: Arc<CoreScene>,
+    triangles: PyOnceLock<Py<PyAny>>,
+}
+
+impl Scene {
+    pub(crate) fn new(inner: Arc<CoreScene>) -> Scene {
+        Scene { inner, triangles: PyOnceLock::new() }
+    }
+
+    fn build(py: Python<'_>, input: SceneInput) -> PyResult<Scene> {
+        let scene = guarded(py, || CoreScene::build(input, &BuildOptions::default()))?.map_err(to_python)?;
+        Ok(Scene::new(Arc::new(scene)))
+    }
+}
+
+/// Name, reflectance, emission, two-sided, opacity.
+type MaterialTuple = (String, Triple, Triple, bool, f64);
+
+/// Three numbers as Python's tuple: bands or coordinates.
+type Triple = (f64, f64, f64);
+
+#[pymethods]
+impl Scene {
+    /// A scene from a file: glTF or OBJ.
+    #[staticmethod]
+    fn load(py: Python<'_>, path: PathBuf, metres_per_unit: Option<f64>, emission_scale: f64) -> PyResult<Scene> {
+        let options = ReadOptions { metres_per_unit, emission_scale };
+        let input = guarded(py, || read(&path, &options))?.map_err(to_python)?;
+        let scene = guarded(py, || CoreScene::build(input, &BuildOptions::default()))?
+            .map_err(|error| SceneError::new_err(format!("{}: {error}", path.display())))?;
+        Ok(Scene::new(Arc::new(scene)))
+    }
+
+    /// A scene from arrays. A row of `faces` with -1 in its fourth column is a triangle.
+    #[staticmethod]
+    #[pyo3(signature = (name, vertices, faces, materials, face_materials, names, face_objects, metres_per_unit))]
+    #[expect(clippy::too_many_arguments, reason = "one argument per array; Python passes them by name")]
+    fn from_arrays(
+        py: Python<'_>,
+        name: String,
+        vertices: PyReadonlyArrayDyn<'_, f64>,
+        faces: PyReadonlyArrayDyn<'_, i64>,
+        materials: Vec<MaterialTuple>,
+        face_materials: PyReadonlyArrayDyn<'_, i64>,
+        names: Vec<String>,
+        face_objects: PyReadonlyArrayDyn<'_, i64>,
+        metres_per_unit: f64,
+    ) -> PyResult<Scene> {
+        let vertices: Vec<DVec3> = rows::<f64, 3>("vertices", &vertices)?.into_iter().map(DVec3::from_array).collect();
+        let faces: Vec<Vec<i64>> = match faces.shape() {
+            [_, 3] => rows::<i64, 3>("faces", &faces)?.into_iter().map(Vec::from).collect(),
+            [_, 4] => rows::<i64, 4>("faces", &faces)?
+                .into_iter()
+                .map(|face| if face[3] == -1 { face[..3].to_vec() } else { face.to_vec() })
+                .collect(),
+            shape => return Err(crate::array::wrong_shape("faces", "(m, 3) or (m, 4)", shape)),
+        };
+        let face_materials = entries("face_materials", &face_materials)?;
+        let face_objects = entries("face_objects", &face_objects)?;
+        same_length("face_materials", face_materials.len(), "faces", faces.len())?;
+        same_length("face_objects", face_objects.len(), "faces", faces.len())?;
+
+        let mut input = SceneInput { name, metres_per_unit, ..SceneInput::default() };
+        for (row, corners) in faces.iter().enumerate() {
+            let object = index("face_objects", row, face_objects[row], names.len())?;
+            let material = index("face_materials", row, face_materials[row], materials.len())?;
+            let corner = |&vertex: &i64| {
+                usize::try_from(vertex).ok().and_then(|vertex| vertices.get(vertex).copied()).ok_or_else(|| {
+                    SceneError::new_err(format!(
+                        "object '{}': face {row} names vertex {vertex}, which is out of range (there are {})",
+                        names[object as usize],
+                        vertices.len()
+                    ))
+                })
+            };
+            let corners = corners.iter().map(corner).collect::<PyResult<Vec<DVec3>>>()?;
+            input.faces.push(Face { object, material, corners, uv: None, surface: None });
+        }
+        input.objects = names.into_iter().map(|name| Object { name, ..Object::default() }).collect();
+        input.materials = materials
+            .into_iter()
+            .map(|(name, reflectance, emission, two_sided, opacity)| Material {
+                name,
+                surface: Surface { reflectance: Rgb(reflectance.into()), emission: Rgb(emission.into()), opacity },
+                two_sided,
+                alpha: if opacity < 1.0 { Alpha::Attenuate } else { Alpha::Opaque },
+                texture: None,
+            })
+            .collect();
+        Scene::build(py, input)
+    }
+
+    /// Raises InternalError where an invariant of the scene is broken.
+    fn check(&self, py: Python<'_>) -> PyResult<()> {
+        guarded(py, || self.inner.check())?.map_err(to_python)
+    }
+
+    /// Name of the scene.
+    #[getter]
+    fn name(&self) -> &str {
+        &self.inner.name
+    }
+
+    /// SHA-256 over everything that links depend on, hexadecimal.
+    #[getter]
+    fn hash(&self) -> String {
+        self.inner.hash.iter().map(|byte| format!("{byte:02x}")).collect()
+    }
+
+    /// Corners of the input triangles: (n, 3, 3), metres; made once, read-only.
+    #[getter]
+    fn triangles<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let array = self.triangles.get_or_try_init(py, || {
+            let corners = coordinates(self.inner.triangles.iter().flatten().copied());
+            read_only(py, corners, &[self.inner.triangles.len(), 3, 3]).map(Bound::unbind)
+        })?;
+        Ok(array.bind(py).clone())
+    }
+
+    /// Name of the object of each front polygon's input triangles: (n,), index into `objects`; -1 where a triangle
+    /// has no area and was dropped.
+    #[getter]
+    fn triangle_objects<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let polygons = &self.inner.polygons;
+        let object = |&polygon: &u32| polygons.get(polygon as usize).map_or(-1, |polygon| i64::from(polygon.object));
+        let objects: Vec<i64> = self.inner.face_polygon.iter().map(object).collect();
+        let length = objects.len();
+        read_only(py, objects, &[length])
+    }
+
+    /// Names of the objects, in file order.
+    #[getter]
+    fn objects(&self) -> Vec<String> {
+        self.inner.objects.iter().map(|object| object.name.clone()).collect()
+    }
+
+    /// The materials, in file order.
+    #[getter]
+    fn materials(&self) -> Vec<MaterialTuple> {
+        let tuple = |material: &Material| {
+            let Surface { reflectance, emission, opacity } = material.surface;
+            (material.name.clone(), reflectance.0.into(), emission.0.into(), material.two_sided, opacity)
+        };
+        self.inner.materials.iter().map(tuple).collect()
+    }
+
+    /// Names of the cameras.
+    #[getter]
+    fn cameras(&self) -> Vec<String> {
+        self.inner.cameras.iter().map(|camera| camera.name.clone()).collect()
+    }
+
+    /// Findings as (severity, kind, object, message), worst first.
+    #[getter]
+    fn issues(&self) -> PyResult<Vec<(String, String, String, String)>> {
+        let text = |value: serde_json::Result<serde_json::Value>| match value {
+            Ok(serde_json::Value::String(text)) => Ok(text),
+            other => Err(internal(format!("not a name: {other:?}"))),
+        };
+        let tuple = |issue: &isolux::core::scene::Issue| {
+            let severity = text(serde_json::to_value(issue.severity))?;
+            let kind = text(serde_json::to_value(issue.kind))?;
+            Ok((severity, kind, issue.object.clone(), issue.message.clone()))
+        };
+        self.inner.issues.iter().map(tuple).collect()
+    }
+
+    /// Objects that emit, in file order: (object, material, polygons, area in m², emitted power per band).
+    #[getter]
+    fn lights(&self) -> Vec<(String, String, usize, f64, Triple)> {
+        let mut lights: Vec<(u32, u32, usize, f64, Rgb)> = Vec::new();
+        for polygon in self.inner.polygons.iter().filter(|polygon| polygon.emission != Rgb::ZERO) {
+            let power = polygon.emission * polygon.area;
+            let key = (polygon.object, polygon.material);
+            match lights.iter_mut().find(|light| (light.0, light.1) == key) {
+                Some(light) => {
+                    light.2 += 1;
+                    light.3 += polygon.area;
+                    light.4 += power;
+                }
+                None => lights.push((key.0, key.1, 1, polygon.area, power)),
+            }
+        }
+        lights.sort_by_key(|light| (light.0, light.1));
+        let names = |(object, material, polygons, area, power): (u32, u32, usize, f64, Rgb)| {
+            let object = self.inner.objects[object as usize].name.clone();
+            let material = self.inner.materials[material as usize].name.clone();
+            (object, material, polygons, area, power.0.into())
+        };
+        lights.into_iter().map(names).collect()
+    }
+
+    /// Emitted power per band, W or lm.
+    #[getter]
+    fn emitted_power(&self) -> Triple {
+        self.inner.emitted_power().0.into()
+    }
+
+    /// Area of all fronts, m².
+    #[getter]
+    fn area(&self) -> f64 {
+        self.inner.area()
+    }
+
+    /// Lowest and highest corner, metres.
+    #[getter]
+    fn bounds(&self) -> (Triple, Triple) {
+        let corners = || self.inner.polygons.iter().flat_map(|polygon| polygon.corners.iter().copied());
+        let low = corners().fold(DVec3::INFINITY, DVec3::min);
+        let high = corners().fold(DVec3::NEG_INFINITY, DVec3::max);
+        (low.into(), high.into())
+    }
+
+    /// Counts of polygons by what they are.
+    #[getter]
+    fn polygons<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let scene = &self.inner;
+        let fronts = &scene.polygons[..scene.fronts];
+        let counts = PyDict::new(py);
+        counts.set_item("fronts", fronts.len())?;
+        counts.set_item("two_sided", fronts.iter().filter(|polygon| polygon.twin.is_some()).count())?;
+        counts.set_item("triangles", fronts.iter().filter(|polygon| polygon.corners.len() == 3).count())?;
+        counts.set_item("quadrilaterals", fronts.iter().filter(|polygon| polygon.corners.len() == 4).count())?;
+        let dropped = scene.face_polygon.iter().filter(|&&polygon| polygon == CoreScene::NO_POLYGON).count();
+        counts.set_item("dropped_triangles", dropped)?;
+        Ok(counts)
+    }
+}
+
+/// An index into a list, checked.
+fn index(what: &'static str, row: usize, value: i64, count: usize) -> PyResult<u32> {
+    match u32::try_from(value) {
+        Ok(index) if (index as usize) < count => Ok(index),
+        _ => Err(PyValueError::new_err(format!("{what}[{row}] is {value}, which is out of range (there are {count})"))),
+    }
+}

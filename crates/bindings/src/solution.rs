@@ -1,0 +1,282 @@
+//! Solving, and asking a solution: settings and points come in, values, pictures and files go out.
+
+use crate::array::{
+    coordinates, entries, from_record_array, read_only, rows, same_length, to_record_array, wrong_shape,
+};
+use crate::error::{SolutionFileError, WriteError, internal, to_python};
+use crate::observer::PythonObserver;
+use crate::panics::guarded;
+use crate::scene::Scene;
+use isolux::core::DVec3;
+use isolux::core::units::Rgb;
+use isolux::formats::write::{self, GlbOptions, Picture, PngOptions, Provenance, ToneMap};
+use isolux::{Record, RenderSettings, Solution as FacadeSolution, View};
+use numpy::PyReadonlyArrayDyn;
+use pyo3::exceptions::{PyIndexError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::path::{Path, PathBuf};
+
+/// Barycentric coordinates may miss a sum of 1 by this: single precision misses it by 2e-7, a forgotten coordinate by
+/// its own size.
+const BARYCENTRIC_TOLERANCE: f64 = 1e-5;
+
+/// A solved scene.
+#[pyclass(frozen, module = "isolux._isolux")]
+pub(crate) struct Solution {
+    inner: FacadeSolution,
+}
+
+/// Solves a scene. Returns the solution and what stopped it early: the exception that a signal handler or `progress`
+/// raised, or None.
+#[pyfunction]
+#[pyo3(signature = (scene, settings, progress=None))]
+pub(crate) fn solve(
+    py: Python<'_>,
+    scene: &Scene,
+    settings: &str,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<(Solution, Option<Py<PyAny>>)> {
+    let settings = crate::settings::parse(settings)?;
+    let mut observer = PythonObserver::new(progress);
+    let scene = scene.inner.clone();
+    let solution = guarded(py, || isolux::solve(scene, &settings, &mut observer))?.map_err(to_python)?;
+    let raised = observer.raised.map(|error| error.into_value(py).into_any());
+    Ok((Solution { inner: solution }, raised))
+}
+
+#[pymethods]
+impl Solution {
+    /// The scene that was solved.
+    #[getter]
+    fn scene(&self) -> Scene {
+        Scene::new(self.inner.scene().clone())
+    }
+
+    /// Everything that the solve told of itself, as JSON.
+    #[getter]
+    fn report(&self) -> PyResult<String> {
+        serde_json::to_string(self.inner.report()).map_err(|error| internal(error.to_string()))
+    }
+
+    /// Radiosity at points of input faces: (m, 3).
+    fn radiosity_at<'py>(
+        &self,
+        py: Python<'py>,
+        face: PyReadonlyArrayDyn<'py, i64>,
+        barycentric: PyReadonlyArrayDyn<'py, f64>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        self.at(py, &face, &barycentric, FacadeSolution::radiosity_at)
+    }
+
+    /// Irradiance at points of input faces: (m, 3).
+    fn irradiance_at<'py>(
+        &self,
+        py: Python<'py>,
+        face: PyReadonlyArrayDyn<'py, i64>,
+        barycentric: PyReadonlyArrayDyn<'py, f64>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        self.at(py, &face, &barycentric, FacadeSolution::irradiance_at)
+    }
+
+    /// The surfaces as triangles with values at their vertices, as named arrays.
+    fn mesh<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let mesh = self.inner.mesh();
+        let bands = |values: &[Rgb]| values.iter().flat_map(|value| value.0).collect::<Vec<f64>>();
+        let vertices = mesh.positions.len();
+        let arrays = PyDict::new(py);
+        arrays.set_item("positions", read_only(py, coordinates(mesh.positions.iter().copied()), &[vertices, 3])?)?;
+        arrays.set_item("irradiance", read_only(py, bands(&mesh.irradiance), &[vertices, 3])?)?;
+        arrays.set_item("radiosity", read_only(py, bands(&mesh.radiosity), &[vertices, 3])?)?;
+        let triangles: Vec<u32> = mesh.triangles.iter().flatten().copied().collect();
+        arrays.set_item("triangles", read_only(py, triangles, &[mesh.triangles.len(), 3])?)?;
+        Ok(arrays)
+    }
+
+    /// Everything as a JSON object and named arrays, made once per call.
+    fn to_record<'py>(&self, py: Python<'py>) -> PyResult<(String, Bound<'py, PyDict>)> {
+        let record = guarded(py, || self.inner.to_record())?;
+        let arrays = PyDict::new(py);
+        for array in record.arrays {
+            arrays.set_item(array.name.clone(), from_record_array(py, array)?)?;
+        }
+        Ok((record.attributes, arrays))
+    }
+
+    /// A solution back from a JSON object and named arrays.
+    #[staticmethod]
+    fn from_record(py: Python<'_>, attributes: String, arrays: &Bound<'_, PyDict>) -> PyResult<Solution> {
+        let mut record = Record { attributes, arrays: Vec::with_capacity(arrays.len()) };
+        for (name, value) in arrays {
+            let name: String = name.extract()?;
+            let array = to_record_array(name.clone(), &value).ok_or_else(|| {
+                let dtype =
+                    value.getattr("dtype").map_or_else(|_| value.get_type().to_string(), |dtype| dtype.to_string());
+                SolutionFileError::new_err(format!("'{name}' holds {dtype}, which no solution does"))
+            })?;
+            record.arrays.push(array);
+        }
+        let inner = guarded(py, || FacadeSolution::from_record(record))?.map_err(to_python)?;
+        Ok(Solution { inner })
+    }
+
+    /// The exposure that shows the scene at middle brightness.
+    #[getter]
+    fn exposure(&self, py: Python<'_>) -> PyResult<f64> {
+        guarded(py, || write::auto_exposure(self.inner.mesh(), self.inner.scene()))
+    }
+
+    /// Writes the lit surfaces; the suffix of `path` (.glb, .ply, .vtu) says how.
+    #[pyo3(signature = (path, exposure=None))]
+    fn bake(&self, py: Python<'_>, path: PathBuf, exposure: Option<f64>) -> PyResult<()> {
+        let (scene, mesh) = (self.inner.scene(), self.inner.mesh());
+        let suffix = suffix(&path);
+        guarded(py, || {
+            let factor = || exposure.unwrap_or_else(|| write::auto_exposure(mesh, scene));
+            let provenance = self.provenance();
+            let bytes = match suffix.as_str() {
+                "glb" => write::glb(scene, mesh, &GlbOptions { exposure, provenance })?,
+                "ply" => write::ply(scene, mesh, factor(), &provenance)?,
+                "vtu" => write::vtu(scene, mesh, factor(), &provenance)?,
+                _ => return Ok(false),
+            };
+            write::write_aside(&path, &bytes).map(|()| true)
+        })?
+        .map_err(to_python)
+        .and_then(|known| if known { Ok(()) } else { Err(unknown_suffix(&path, ".glb, .ply or .vtu")) })
+    }
+
+    /// Writes a picture of (height, width, 3) linear radiance; the suffix of `path` (.png, .exr) says how.
+    #[pyo3(signature = (path, picture, exposure=None))]
+    fn write_image(
+        &self,
+        py: Python<'_>,
+        path: PathBuf,
+        picture: PyReadonlyArrayDyn<'_, f64>,
+        exposure: Option<f64>,
+    ) -> PyResult<()> {
+        let view = picture.as_array();
+        let &[height, width, 3] = view.shape() else {
+            return Err(wrong_shape("picture", "(height, width, 3)", view.shape()));
+        };
+        let too_large = |_| PyValueError::new_err(format!("picture: {width} x {height} pixels are too many"));
+        let values: Vec<f64> = view.iter().copied().collect();
+        let picture = Picture {
+            width: width.try_into().map_err(too_large)?,
+            height: height.try_into().map_err(too_large)?,
+            pixels: values.as_chunks::<3>().0.iter().map(|&pixel| Rgb(pixel)).collect(),
+        };
+        let suffix = suffix(&path);
+        guarded(py, || {
+            let provenance = self.provenance();
+            let bytes = match suffix.as_str() {
+                "png" => {
+                    let exposure =
+                        exposure.unwrap_or_else(|| write::auto_exposure(self.inner.mesh(), self.inner.scene()));
+                    write::png(&picture, &PngOptions { exposure, tone: ToneMap::default(), provenance })?
+                }
+                "exr" => write::exr(&picture, &provenance)?,
+                _ => return Ok(false),
+            };
+            write::write_aside(&path, &bytes).map(|()| true)
+        })?
+        .map_err(to_python)
+        .and_then(|known| if known { Ok(()) } else { Err(unknown_suffix(&path, ".png or .exr")) })
+    }
+
+    /// Draws linear radiance: (height, width, 3).
+    #[pyo3(signature = (camera, eye, at, vertical_angle, size, samples_per_side, threads, progress=None))]
+    #[expect(clippy::too_many_arguments, reason = "one argument per choice; Python passes them by name")]
+    fn render<'py>(
+        &self,
+        py: Python<'py>,
+        camera: Option<String>,
+        eye: Option<[f64; 3]>,
+        at: Option<[f64; 3]>,
+        vertical_angle: f64,
+        size: (u32, u32),
+        samples_per_side: u32,
+        threads: usize,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let view = match (camera, eye, at) {
+            (None, None, None) => View::Default,
+            (Some(name), None, None) => View::Camera(name),
+            (None, Some(eye), Some(at)) => {
+                View::LookAt { eye: DVec3::from_array(eye), at: DVec3::from_array(at), vertical_angle }
+            }
+            _ => return Err(PyValueError::new_err("give a camera, or both eye and at, or neither")),
+        };
+        let (width, height) = size;
+        let settings = RenderSettings { width, height, samples_per_side, threads };
+        let mut observer = PythonObserver::new(progress);
+        let picture = guarded(py, || isolux::render(&self.inner, &view, &settings, &mut observer))?;
+        match (observer.raised, picture) {
+            (Some(raised), _) => Err(raised),
+            (None, Err(error)) => Err(to_python(error)),
+            (None, Ok(pixels)) => {
+                let values = pixels.iter().flat_map(|pixel| pixel.0).collect();
+                read_only(py, values, &[height as usize, width as usize, 3])
+            }
+        }
+    }
+}
+
+/// Writes a file whole or not at all.
+#[pyfunction]
+pub(crate) fn write_aside(py: Python<'_>, path: PathBuf, contents: &[u8]) -> PyResult<()> {
+    guarded(py, || write::write_aside(&path, contents))?.map_err(to_python)
+}
+
+/// The suffix of a path in lower case, without its dot.
+fn suffix(path: &Path) -> String {
+    path.extension().map(|suffix| suffix.to_string_lossy().to_lowercase()).unwrap_or_default()
+}
+
+fn unknown_suffix(path: &Path, known: &str) -> PyErr {
+    WriteError::new_err(format!("{}: expected a name that ends in {known}", path.display()))
+}
+
+impl Solution {
+    /// Where the numbers come from.
+    fn provenance(&self) -> Provenance {
+        let report = self.inner.report();
+        Provenance {
+            // Settings hold nothing that JSON cannot.
+            settings: serde_json::to_string(&report.settings).unwrap_or_default(),
+            seed: report.settings.seed,
+            ..Provenance::of(self.inner.scene())
+        }
+    }
+
+    /// Looks up one value per row of `face` and `barycentric`.
+    fn at<'py>(
+        &self,
+        py: Python<'py>,
+        face: &PyReadonlyArrayDyn<'py, i64>,
+        barycentric: &PyReadonlyArrayDyn<'py, f64>,
+        value: impl Fn(&FacadeSolution, u32, [f64; 3]) -> Option<Rgb> + Sync,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let faces = entries("face", face)?;
+        let barycentric = rows::<f64, 3>("barycentric", barycentric)?;
+        same_length("barycentric", barycentric.len(), "face", faces.len())?;
+        let count = self.inner.scene().triangles.len();
+        if let Some(&face) = faces.iter().find(|&&face| usize::try_from(face).map_or(true, |face| face >= count)) {
+            return Err(PyIndexError::new_err(format!("face {face} is out of range: the scene has {count} triangles")));
+        }
+        let off = |weights: &[f64; 3]| !((weights.iter().sum::<f64>() - 1.0).abs() <= BARYCENTRIC_TOLERANCE);
+        if let Some(row) = barycentric.iter().position(off) {
+            let [a, b, c] = barycentric[row];
+            return Err(PyValueError::new_err(format!(
+                "barycentric[{row}] is ({a}, {b}, {c}), which does not sum to 1"
+            )));
+        }
+        let points = faces.len();
+        let values: Vec<f64> = guarded(py, || {
+            let at = |(&face, &weights): (&i64, &[f64; 3])| value(&self.inner, face as u32, weights);
+            // A face that was dropped holds no light.
+            faces.iter().zip(&barycentric).flat_map(|pair| at(pair).map_or([f64::NAN; 3], |value| value.0)).collect()
+        })?;
+        read_only(py, values, &[points, 3])
+    }
+}

@@ -1,0 +1,34 @@
+"""Noise-free global illumination of diffuse scenes by hierarchical radiosity.
+
+>>> import isolux
+>>> scene = isolux.load("room.glb")  # doctest: +SKIP
+>>> solution = isolux.solve(scene, error=0.05)  # doctest: +SKIP
+>>> solution.irradiance_at([0], [[1 / 3, 1 / 3, 1 / 3]])  # doctest: +SKIP
+"""
+
+from isolux import exceptions
+from isolux._isolux import Progress, __version__
+from isolux.exceptions import Cancelled, IsoluxError
+from isolux.report import Issue, Report
+from isolux.scene import Light, Material, Scene, load
+from isolux.settings import Settings
+from isolux.solution import Solution, solve
+from isolux.solution import open_solution as open  # noqa: A004
+
+__all__ = [
+    "Cancelled",
+    "IsoluxError",
+    "Issue",
+    "Light",
+    "Material",
+    "Progress",
+    "Report",
+    "Scene",
+    "Settings",
+    "Solution",
+    "__version__",
+    "exceptions",
+    "load",
+    "open",
+    "solve",
+]

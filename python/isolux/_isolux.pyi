@@ -1,0 +1,138 @@
+"""The extension module: private, wrapped by the modules beside it."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Literal, TypeAlias, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = [
+    "Progress",
+    "Scene",
+    "Solution",
+    "__version__",
+    "_error_samples",
+    "default_settings",
+    "quality_error",
+    "solve",
+    "validate_settings",
+    "write_aside",
+]
+
+_Bands: TypeAlias = tuple[float, float, float]
+_MaterialTuple: TypeAlias = tuple[str, _Bands, _Bands, bool, float]
+_Arrays: TypeAlias = dict[str, NDArray[Any]]
+
+__version__: str
+
+@final
+class Progress:
+    """State of a computation."""
+
+    @property
+    def phase(
+        self,
+    ) -> Literal["tree", "pilot", "root-links", "iteration", "interpolation", "balance", "render"]:
+        """What is being done."""
+    @property
+    def done(self) -> float:
+        """Share of the estimated work that is done, in [0, 1]; never decreases."""
+    @property
+    def iteration(self) -> int:
+        """Iterations finished."""
+    @property
+    def residual(self) -> float:
+        """Relative change of total radiosity in the last iteration; infinite before the first has ended."""
+    @property
+    def elements(self) -> int:
+        """Elements so far."""
+    @property
+    def links(self) -> int:
+        """Links so far."""
+
+@final
+class Scene:
+    @staticmethod
+    def load(path: Path, metres_per_unit: float | None, emission_scale: float) -> Scene: ...
+    @staticmethod
+    def from_arrays(
+        name: str,
+        vertices: NDArray[np.float64],
+        faces: NDArray[np.int64],
+        materials: list[_MaterialTuple],
+        face_materials: NDArray[np.int64],
+        names: list[str],
+        face_objects: NDArray[np.int64],
+        metres_per_unit: float,
+    ) -> Scene: ...
+    def check(self) -> None: ...
+    @property
+    def name(self) -> str: ...
+    @property
+    def hash(self) -> str: ...
+    @property
+    def triangles(self) -> NDArray[np.float64]: ...
+    @property
+    def triangle_objects(self) -> NDArray[np.int64]: ...
+    @property
+    def objects(self) -> list[str]: ...
+    @property
+    def materials(self) -> list[_MaterialTuple]: ...
+    @property
+    def cameras(self) -> list[str]: ...
+    @property
+    def issues(self) -> list[tuple[Literal["note", "warning"], str, str, str]]: ...
+    @property
+    def lights(self) -> list[tuple[str, str, int, float, _Bands]]: ...
+    @property
+    def polygons(self) -> dict[str, int]: ...
+    @property
+    def emitted_power(self) -> _Bands: ...
+    @property
+    def area(self) -> float: ...
+    @property
+    def bounds(self) -> tuple[_Bands, _Bands]: ...
+
+@final
+class Solution:
+    @staticmethod
+    def from_record(attributes: str, arrays: _Arrays) -> Solution: ...
+    def to_record(self) -> tuple[str, _Arrays]: ...
+    @property
+    def scene(self) -> Scene: ...
+    @property
+    def report(self) -> str: ...
+    @property
+    def exposure(self) -> float: ...
+    def mesh(self) -> _Arrays: ...
+    def radiosity_at(
+        self, face: NDArray[np.int64], barycentric: NDArray[np.float64]
+    ) -> NDArray[np.float64]: ...
+    def irradiance_at(
+        self, face: NDArray[np.int64], barycentric: NDArray[np.float64]
+    ) -> NDArray[np.float64]: ...
+    def bake(self, path: Path, exposure: float | None = None) -> None: ...
+    def write_image(
+        self, path: Path, picture: NDArray[np.float64], exposure: float | None = None
+    ) -> None: ...
+    def render(
+        self,
+        camera: str | None,
+        eye: _Bands | None,
+        at: _Bands | None,
+        vertical_angle: float,
+        size: tuple[int, int],
+        samples_per_side: int,
+        threads: int,
+        progress: Callable[[Progress], object] | None = None,
+    ) -> NDArray[np.float64]: ...
+
+def solve(
+    scene: Scene, settings: str, progress: Callable[[Progress], object] | None = None
+) -> tuple[Solution, BaseException | None]: ...
+def validate_settings(settings: str) -> None: ...
+def default_settings() -> str: ...
+def quality_error(quality: str) -> float: ...
+def write_aside(path: Path, contents: bytes) -> None: ...
+def _error_samples() -> list[tuple[str, BaseException]]: ...

@@ -1,0 +1,68 @@
+"""``isolux inspect``: what is in a scene, and what is wrong with it."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from isolux.cli import tables
+from isolux.cli.options import JsonTarget, Units, load_scene, write_json
+from isolux.cli.terminal import show
+
+if TYPE_CHECKING:
+    from isolux.scene import Scene
+
+__all__ = ["inspect"]
+
+
+def inspect(
+    scene: Annotated[Path, typer.Argument(metavar="SCENE", help="glTF (.glb, .gltf) or OBJ.")],
+    units: Units = None,
+    json: JsonTarget = None,
+) -> int:
+    """Show what is in a scene: extents, polygons, lights in lumens, cameras, materials, and every finding.
+
+    For example:
+        isolux inspect room.glb
+
+        isolux inspect room.obj --units cm
+
+        isolux inspect room.glb --json - | jq '.lights[].total'
+    """
+    loaded = load_scene(scene, units)
+    loaded.check()
+    if write_json(json, _values(loaded, scene)):
+        return 0
+    show(
+        tables.scene(loaded, str(scene)),
+        "",
+        tables.lights(loaded.lights) if loaded.lights else "no lights",
+        "",
+        tables.materials(loaded.materials),
+        "",
+        tables.issues(loaded.issues) if loaded.issues else "no findings",
+    )
+    return 0
+
+
+def _values(scene: Scene, source: Path) -> dict[str, Any]:
+    """Everything, for programs."""
+    return {
+        "file": str(source),
+        "name": scene.name,
+        "hash": scene.hash,
+        "units": {"length": "m", "area": "m2", "power": "lm or W"},
+        "bounds": scene.bounds.tolist(),
+        "area": scene.area,
+        "polygons": dataclasses.asdict(scene.polygons),
+        "triangles": len(scene.triangles),
+        "objects": scene.objects,
+        "materials": [dataclasses.asdict(material) for material in scene.materials],
+        "lights": [{**dataclasses.asdict(light), "total": light.total} for light in scene.lights],
+        "emitted_power": scene.emitted_power,
+        "cameras": scene.cameras,
+        "issues": [dataclasses.asdict(issue) for issue in scene.issues],
+    }

@@ -1,0 +1,168 @@
+"""Options that several commands share, and what their words mean."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import typer
+
+from isolux import _isolux
+from isolux.scene import Scene, load
+
+__all__ = [
+    "Jobs",
+    "JsonTarget",
+    "ProgressMode",
+    "ProgressOption",
+    "Units",
+    "check_target",
+    "exposure_factor",
+    "load_scene",
+    "point",
+    "size",
+    "write_json",
+]
+
+ProgressMode = Literal["auto", "plain", "json", "none"]
+
+Jobs = Annotated[
+    int, typer.Option("-j", "--threads", min=0, metavar="N", help="Threads; 0 stands for all cores.")
+]
+JsonTarget = Annotated[
+    str | None,
+    typer.Option(
+        "--json", metavar="FILE|-", help="Write everything as JSON to a file, or instead of the table to -."
+    ),
+]
+ProgressOption = Annotated[
+    ProgressMode,
+    typer.Option("--progress", help="How to show progress; auto: a bar on terminals, lines elsewhere."),
+]
+Units = Annotated[
+    str | None,
+    typer.Option(
+        "--units",
+        metavar="LENGTH[,EMISSION]",
+        help="Units of the file: a length (m, cm, mm, in, ft, or metres per unit), and how emission is "
+        "meant: cd/m2 or W/m2/sr (radiance, glTF's way), lm/m2 or W/m2 (radiosity).",
+    ),
+]
+
+_LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "km": 1000.0, "in": 0.0254, "ft": 0.3048}
+#: A radiosity is pi times a radiance; readers multiply by pi.
+_EMISSIONS = {
+    "cd/m2": 1.0,
+    "w/m2/sr": 1.0,
+    "lm/m2": 1.0 / math.pi,
+    "lx": 1.0 / math.pi,
+    "w/m2": 1.0 / math.pi,
+}
+
+
+def load_scene(path: Path, units: str | None) -> Scene:
+    """Load a scene in the units asked for."""
+    length: float | None = None
+    emission = 1.0
+    for word in () if units is None else units.split(","):
+        key = word.strip().lower()
+        if key in _LENGTHS:
+            length = _LENGTHS[key]
+        elif key in _EMISSIONS:
+            emission = _EMISSIONS[key]
+        else:
+            length = _positive(
+                "--units",
+                word,
+                f"'{word}' is neither a length ({', '.join(_LENGTHS)}, or metres per unit) "
+                f"nor an emission ({', '.join(_EMISSIONS)})",
+            )
+    return load(path, metres_per_unit=length, emission_scale=emission)
+
+
+def check_target(
+    target: Path, source: Path, suffixes: tuple[str, ...] | None, wrong: tuple[str, ...] = ()
+) -> None:
+    """Find out before the work, not after it, that a result could not be written; make the folder it goes to.
+
+    `suffixes` are those that are meant (None: any), `wrong` those that another command writes.
+    """
+    suffix = target.suffix.lower()
+    if suffixes is not None and suffix not in suffixes:
+        raise _wrong("-o", f"{target} should have a name that ends in {' or '.join(suffixes)}")
+    if suffix in wrong:
+        raise _wrong("-o", f"{target} is no solution: isolux bake and isolux render write such files")
+    if target.is_dir():
+        raise _wrong("-o", f"{target} is a folder")
+    if target.exists() and source.exists() and target.samefile(source):
+        raise _wrong("-o", f"{target} is the input")
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise _wrong("-o", f"{target} needs a folder that cannot be made: {error.strerror}") from None
+    if not os.access(target.parent, os.W_OK | os.X_OK):
+        raise _wrong("-o", f"{target} is in a folder that cannot be written to")
+
+
+def write_json(target: str | None, values: dict[str, Any]) -> bool:
+    """Write JSON where asked; return whether it took standard output."""
+    if target is None:
+        return False
+    text = json.dumps(values, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    if target == "-":
+        print(text, end="")
+        return True
+    _isolux.write_aside(Path(target), text.encode())
+    return False
+
+
+def point(option: str, text: str | None) -> tuple[float, float, float] | None:
+    """``x,y,z`` as numbers."""
+    if text is None:
+        return None
+    try:
+        x, y, z = (float(part) for part in text.split(","))
+    except ValueError:
+        raise _wrong(option, f"'{text}' is not x,y,z") from None
+    return x, y, z
+
+
+def size(text: str) -> tuple[int, int]:
+    """``960x720`` as numbers."""
+    try:
+        width, height = (int(part) for part in text.lower().split("x"))
+    except ValueError:
+        width = height = 0
+    # 2^15 pixels a side are 24 GB of doubles: more is a slip of the finger.
+    if not (0 < width <= 32768 and 0 < height <= 32768):
+        raise _wrong("--size", f"'{text}' is not WIDTHxHEIGHT, each from 1 to 32768")
+    return width, height
+
+
+def exposure_factor(text: str | None, automatic: float) -> float:
+    """A factor (``0.02``) or stops relative to the automatic one (``+1``, ``-0.5``)."""
+    if text is None:
+        return automatic
+    if text[:1] in ("+", "-"):
+        try:
+            return automatic * math.pow(2.0, float(text))
+        except (ValueError, OverflowError):
+            raise _wrong("--exposure", f"'{text}' is not a number of stops") from None
+    return _positive("--exposure", text, f"'{text}' is neither a positive factor nor stops with a sign")
+
+
+def _wrong(option: str, message: str) -> typer.BadParameter:
+    return typer.BadParameter(message, param_hint=option)
+
+
+def _positive(option: str, text: str, message: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not (math.isfinite(value) and value > 0.0):
+        raise _wrong(option, message)
+    return value

@@ -1,0 +1,141 @@
+"""Progress on standard error: a bar with the time left on terminals, lines or JSON elsewhere."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+import time
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn
+from rich.progress import Progress as Bars
+
+from isolux.cli.terminal import warnings_console
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from isolux import Progress
+    from isolux.cli.options import ProgressMode
+
+__all__ = ["showing"]
+
+#: Seconds between two lines where no terminal shows a bar: a log of a long run stays readable.
+_LINES_EVERY = 5.0
+_PHASES = {
+    "tree": "building the tree",
+    "pilot": "looking around",
+    "root-links": "linking surfaces",
+    "iteration": "refining",
+    "interpolation": "smoothing",
+    "balance": "checking the energy balance",
+    "render": "drawing",
+}
+
+
+@contextmanager
+def showing(mode: ProgressMode) -> Iterator[Callable[[Progress], None] | None]:
+    """Give what is to be called with each state of a computation, or None where nobody wants to know."""
+    if mode == "none":
+        yield None
+    elif mode == "json":
+        yield _Lines(_json_line, 0.0)
+    elif mode == "plain" or not sys.stderr.isatty():
+        yield _Lines(_plain_line, _LINES_EVERY)
+    else:
+        columns = (
+            TextColumn("{task.description}"),
+            BarColumn(),
+            TaskProgressColumn(),
+            TimeElapsedColumn(),
+            TextColumn("{task.fields[left]}"),
+            TextColumn("{task.fields[detail]}"),
+        )
+        with Bars(*columns, console=warnings_console(), transient=True) as bars:
+            task = bars.add_task("starting", total=1.0, left="", detail="")
+            clock = _Clock()
+
+            def show(state: Progress) -> None:
+                bars.update(
+                    task,
+                    completed=state.done,
+                    description=_PHASES[state.phase],
+                    left=_left(clock.left(state.done)),
+                    detail=_detail(state),
+                )
+
+            yield show
+
+
+class _Clock:
+    """Time left, from the share of the work that is done."""
+
+    def __init__(self) -> None:
+        self._start = time.monotonic()
+
+    def elapsed(self) -> float:
+        return time.monotonic() - self._start
+
+    def left(self, done: float) -> float:
+        """Seconds; infinite where too little is done to tell."""
+        return self.elapsed() * (1.0 - done) / done if done > 0.01 else math.inf
+
+
+class _Lines:
+    """Writes a line when a phase begins, and every so often."""
+
+    def __init__(self, line: Callable[[Progress, _Clock], str], every: float) -> None:
+        self._line = line
+        self._every = every
+        self._clock = _Clock()
+        self._phase = ""
+        self._next = 0.0
+
+    def __call__(self, state: Progress) -> None:
+        now = self._clock.elapsed()
+        if state.phase == self._phase and now < self._next:
+            return
+        self._phase, self._next = state.phase, now + self._every
+        print(self._line(state, self._clock), file=sys.stderr, flush=True)
+
+
+def _plain_line(state: Progress, clock: _Clock) -> str:
+    parts = [
+        f"{100.0 * state.done:3.0f} %  {_PHASES[state.phase]}",
+        _detail(state),
+        _left(clock.left(state.done)),
+    ]
+    return ", ".join(part for part in parts if part)
+
+
+def _json_line(state: Progress, clock: _Clock) -> str:
+    left = clock.left(state.done)
+    values = {
+        "phase": state.phase,
+        "done": state.done,
+        "iteration": state.iteration,
+        "residual": state.residual if math.isfinite(state.residual) else None,
+        "elements": state.elements,
+        "links": state.links,
+        "seconds": round(clock.elapsed(), 3),
+        "seconds_left": round(left, 3) if math.isfinite(left) else None,
+    }
+    return json.dumps(values)
+
+
+def _detail(state: Progress) -> str:
+    parts = []
+    if state.iteration:
+        parts.append(f"iteration {state.iteration}")
+    if state.links:
+        parts.append(f"{state.links:,} links")
+    return ", ".join(parts)
+
+
+def _left(seconds: float) -> str:
+    if not math.isfinite(seconds):
+        return ""
+    minutes, rest = divmod(math.ceil(seconds), 60)
+    return f"{minutes} min {rest} s left" if minutes else f"{rest} s left"

@@ -1,0 +1,167 @@
+"""``isolux solve``: a scene becomes a solution file and a report."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import typer
+
+import isolux
+from isolux import _isolux
+from isolux.cli import tables
+from isolux.cli.options import (
+    Jobs,
+    JsonTarget,
+    ProgressOption,
+    Units,
+    check_target,
+    load_scene,
+    write_json,
+)
+from isolux.cli.progress import showing
+from isolux.cli.terminal import ignore_interrupts, interrupted_once, say, show
+
+__all__ = ["solve"]
+
+NOT_CONVERGED, CANCELLED = 4, 130
+
+_EPSILONS = "Expert: epsilons"
+_METHOD = "Expert: method"
+
+
+def solve(
+    scene: Annotated[Path, typer.Argument(metavar="SCENE", help="glTF (.glb, .gltf) or OBJ.")],
+    out: Annotated[
+        Path, typer.Option("-o", "--output", metavar="FILE", help="The solution, e.g. room.isolux.")
+    ],
+    error: Annotated[
+        float | None,
+        typer.Option(
+            metavar="E", help="Asked relative error of irradiance (RMS over surfaces).  [default: 0.05]"
+        ),
+    ] = None,
+    quality: Annotated[
+        Literal["draft", "preview", "production", "final"] | None,
+        typer.Option(help="A name for an error: 0.2, 0.1, 0.05, 0.02."),
+    ] = None,
+    threads: Jobs = 0,
+    seed: Annotated[int, typer.Option(metavar="N", help="Seed of every pseudo-random choice.")] = 0,
+    max_iterations: Annotated[
+        int, typer.Option(metavar="N", help="Give up after these (exit code 4).")
+    ] = 100,
+    units: Units = None,
+    json: JsonTarget = None,
+    progress: ProgressOption = "auto",
+    bf_eps: Annotated[
+        float | None,
+        typer.Option(
+            metavar="E", help="Most a link may carry, relative to the mean.", rich_help_panel=_EPSILONS
+        ),
+    ] = None,
+    area_eps: Annotated[
+        float | None,
+        typer.Option(
+            metavar="E", help="Smallest element to split, of the whole area.", rich_help_panel=_EPSILONS
+        ),
+    ] = None,
+    energy_eps: Annotated[
+        float | None,
+        typer.Option(metavar="E", help="Change of total radiosity to stop at.", rich_help_panel=_EPSILONS),
+    ] = None,
+    update: Annotated[
+        Literal["in-place", "jacobi"],
+        typer.Option(help="When others see a new radiosity.", rich_help_panel=_METHOD),
+    ] = "in-place",
+    form_factor: Annotated[
+        Literal["lambert", "disks"], typer.Option(help="Form factor kernel.", rich_help_panel=_METHOD)
+    ] = "lambert",
+    rays: Annotated[
+        int, typer.Option(metavar="16|256", help="Rays per visibility.", rich_help_panel=_METHOD)
+    ] = 16,
+    order: Annotated[
+        str,
+        typer.Option(
+            metavar="ORDER",
+            help="Insertion in the BSP tree: as-given, largest-first, random, random:SEED.",
+            rich_help_panel=_METHOD,
+        ),
+    ] = "as-given",
+    roots: Annotated[
+        Literal["polygons", "fragments"],
+        typer.Option(help="Roots of the quadtrees.", rich_help_panel=_METHOD),
+    ] = "polygons",
+) -> int:
+    """Solve a scene: write a solution file, show the report.
+
+    Ctrl-C keeps what has been computed: a consistent, unfinished solution.
+
+    For example:
+        isolux solve room.glb -o room.isolux
+
+        isolux solve room.glb -o room.isolux --quality preview -j 2
+
+        isolux solve room.obj --units cm -o room.isolux --error 0.02 --json report.json
+    """
+    if quality is not None and error is not None:
+        raise typer.BadParameter(
+            "it and --error say the same thing twice: give one of them", param_hint="--quality"
+        )
+    chosen = _isolux.quality_error(quality) if quality is not None else 0.05 if error is None else error
+    fields: dict[str, Any] = {
+        "error": chosen,
+        "bf_epsilon": bf_eps,
+        "area_epsilon": area_eps,
+        "energy_epsilon": energy_eps,
+        "update": update,
+        "form_factor": form_factor,
+        "rays": rays,
+        "order": order,
+        "roots": roots,
+        "seed": seed,
+        "max_iterations": max_iterations,
+        "threads": threads,
+    }
+    settings = isolux.Settings(**fields)
+    check_target(out, scene, None, wrong=(".glb", ".gltf", ".obj", ".ply", ".vtu", ".png", ".exr"))
+    with interrupted_once():
+        loaded = load_scene(scene, units)
+        _tell_of_issues(loaded)
+        try:
+            with showing(progress) as hear:
+                solution = isolux.solve(loaded, settings, progress=hear)
+                # Before the bar goes, so that no moment is left in which a result could be lost.
+                ignore_interrupts()
+        except isolux.Cancelled as cancelled:
+            if cancelled.solution is None:
+                raise
+            solution = cancelled.solution
+        solution.save(out)
+        return _show(solution, out, json)
+
+
+def _show(solution: isolux.Solution, out: Path, json: str | None) -> int:
+    """Show the report; the exit code says how the solve ended."""
+    report = solution.report
+    if not write_json(json, {"output": str(out), "report": report.to_dict()}):
+        show(tables.report(report, str(out)))
+    match report.status:
+        case "converged":
+            return 0
+        case "iteration-limit":
+            say(f"warning: not converged in {len(report.iterations)} iterations; the result is in {out}")
+            return NOT_CONVERGED
+        case "cancelled":
+            say(f"cancelled; what was computed is in {out}")
+            return CANCELLED
+
+
+def _tell_of_issues(scene: isolux.Scene) -> None:
+    """Warnings one by one; notes only as a number."""
+    issues = scene.issues
+    warnings = [issue for issue in issues if issue.severity == "warning"]
+    for issue in warnings:
+        say(f"warning: {issue.object}: {issue.message}")
+    notes = len(issues) - len(warnings)
+    if notes:
+        say(f"{notes} note{'s' if notes > 1 else ''} on the scene (isolux inspect shows them)")

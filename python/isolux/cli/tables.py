@@ -1,0 +1,157 @@
+"""Tables for people: scenes and reports."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rich.markup import escape
+from rich.table import Table
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from isolux.report import Bands, Issue, Report
+    from isolux.scene import Light, Material, Scene
+
+__all__ = ["issues", "lights", "materials", "report", "scene"]
+
+
+def scene(scene: Scene, source: str) -> Table:
+    """What a scene is."""
+    low, high = scene.bounds.tolist()
+    polygons = scene.polygons
+    x, y, z = (top - bottom for bottom, top in zip(low, high, strict=True))
+    power = scene.emitted_power
+    rows = [
+        ("scene", source),
+        ("hash", scene.hash),
+        ("extents", f"{x:.4g} x {y:.4g} x {z:.4g} m, from {_point(low)} to {_point(high)}"),
+        ("area", f"{scene.area:.6g} m²"),
+        (
+            "polygons",
+            f"{polygons.fronts:,} ({polygons.triangles:,} triangles, {polygons.quadrilaterals:,} "
+            f"quadrilaterals; {polygons.two_sided:,} two-sided)",
+        ),
+        (
+            "input triangles",
+            f"{len(scene.triangles):,} ({polygons.dropped_triangles:,} without area, dropped)",
+        ),
+        ("objects", f"{len(scene.objects):,}"),
+        ("lights", f"{len(scene.lights):,}, {sum(power):.6g} lm or W in all ({_bands(power)})"),
+        ("cameras", ", ".join(scene.cameras) or "none"),
+    ]
+    return _pairs(rows)
+
+
+def lights(lights: Sequence[Light]) -> Table:
+    """Lights with their power."""
+    names = [("light", "left"), ("material", "left"), ("polygons", "right"), ("area, m²", "right")]
+    names += [("red", "right"), ("green", "right"), ("blue", "right"), ("sum, lm or W", "right")]
+    rows = (
+        (
+            light.object,
+            light.material,
+            f"{light.polygons:,}",
+            f"{light.area:.4g}",
+            *(f"{band:.4g}" for band in light.power),
+            f"{light.total:.6g}",
+        )
+        for light in lights
+    )
+    return _table(names, rows)
+
+
+def materials(materials: Sequence[Material]) -> Table:
+    """Materials with their values."""
+    names = [("material", "left"), ("reflectance", "right"), ("emission, lm/m² or W/m²", "right")]
+    names += [("opacity", "right"), ("sides", "right")]
+    rows = (
+        (
+            material.name,
+            _bands(material.reflectance),
+            _bands(material.emission),
+            f"{material.opacity:.3g}",
+            "2" if material.two_sided else "1",
+        )
+        for material in materials
+    )
+    return _table(names, rows)
+
+
+def issues(issues: Sequence[Issue]) -> Table:
+    """Findings, each with its object."""
+    names = [("", "left"), ("kind", "left"), ("object", "left"), ("what", "left")]
+    return _table(names, ((issue.severity, issue.kind, issue.object, issue.message) for issue in issues))
+
+
+def report(report: Report, target: str) -> Table:
+    """What a solve tells of itself."""
+    links = report.links
+    residual = f", last change {report.iterations[-1].residual:.2g}" if report.iterations else ""
+    rows = [
+        ("scene", report.scene),
+        ("status", report.status),
+        ("asked error", f"{report.settings.error:g}"),
+        ("mean irradiance", f"{_bands(report.mean_irradiance)} lm/m² or W/m²"),
+        ("polygons", f"{report.polygons:,} ({report.lit_backs[0]:,} of {report.lit_backs[1]:,} backs lit)"),
+        (
+            "elements",
+            f"{report.elements:,} ({report.leaves:,} leaves, {len(report.elements_by_level)} levels)",
+        ),
+        (
+            "links",
+            f"{links.total:,} ({links.full:,} visible, {links.partial:,} partly, {links.none:,} hidden)",
+        ),
+        ("visibilities", f"{report.counts.visibilities:,} ({report.counts.rays:,} rays)"),
+        ("iterations", f"{len(report.iterations)}{residual}"),
+    ]
+    if report.energy is not None:
+        energy = report.energy
+        rows.append(
+            (
+                "energy balance",
+                f"off by {100 * energy.imbalance:+.2f} % ± {100 * energy.standard_error:.2f} %",
+            )
+        )
+    if report.row_sum is not None:
+        sums = report.row_sum
+        rows.append(
+            (
+                "row sums",
+                f"{sums.smallest:.3f} ({sums.smallest_object}) to {sums.largest:.3f} "
+                f"({sums.largest_object}), mean {sums.mean:.3f}",
+            )
+        )
+    phases = ", ".join(f"{phase.name} {phase.seconds:.2f}" for phase in report.phases)
+    rows.append(("seconds", f"{report.seconds:.2f} ({phases})"))
+    if report.peak_memory:
+        rows.append(("peak memory", f"{report.peak_memory / 2**20:,.0f} MiB"))
+    rows.append(("result", target))
+    return _pairs(rows)
+
+
+def _pairs(rows: Iterable[tuple[str, str]]) -> Table:
+    table = Table(box=None, show_header=False, pad_edge=False)
+    table.add_column(style="bold", no_wrap=True)
+    table.add_column(overflow="fold")
+    for name, value in rows:
+        table.add_row(name, escape(value))
+    return table
+
+
+def _table(names: Sequence[tuple[str, str]], rows: Iterable[Sequence[str]]) -> Table:
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for name, justify in names:
+        table.add_column(name, justify="right" if justify == "right" else "left", overflow="fold")
+    for row in rows:
+        table.add_row(*(escape(cell) for cell in row))
+    return table
+
+
+def _bands(values: float | Sequence[float] | Bands) -> str:
+    bands = (values,) if isinstance(values, (int, float)) else values
+    return " ".join(f"{band:.4g}" for band in bands)
+
+
+def _point(point: Sequence[float]) -> str:
+    return "(" + ", ".join(f"{coordinate:.4g}" for coordinate in point) + ")"

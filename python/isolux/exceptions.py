@@ -1,0 +1,82 @@
+"""What can go wrong, by kind; every message is one line that names the offender.
+
+``IsoluxError`` catches them all, except `Cancelled`, which is a ``KeyboardInterrupt``.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from isolux.solution import Solution
+
+__all__ = [
+    "Cancelled",
+    "InternalError",
+    "IsoluxError",
+    "MissingExtraError",
+    "NoLightError",
+    "ReadError",
+    "RenderError",
+    "SceneError",
+    "SettingsError",
+    "SolutionFileError",
+    "WriteError",
+]
+
+
+class IsoluxError(Exception):
+    """Whatever isolux raises of its own."""
+
+
+class SceneError(IsoluxError, ValueError):
+    """No scene can be made of what was given, or none that can be solved."""
+
+
+class NoLightError(SceneError):
+    """No surface of the scene emits: the answer would be black everywhere."""
+
+
+class ReadError(IsoluxError):
+    """A scene file is missing or cannot be understood."""
+
+
+class MissingExtraError(ReadError, ImportError):
+    """A file needs a package that is not installed; the message says how to install it."""
+
+
+class SettingsError(IsoluxError, ValueError):
+    """A setting makes no sense."""
+
+
+class SolutionFileError(IsoluxError):
+    """A solution file is missing, damaged, or contradicts itself."""
+
+
+class WriteError(IsoluxError):
+    """A result could not be written; what stood at its path before still stands there."""
+
+
+class RenderError(IsoluxError, ValueError):
+    """A view makes no sense."""
+
+
+class InternalError(IsoluxError):
+    """An invariant is broken: a defect of isolux, worth reporting."""
+
+
+class Cancelled(KeyboardInterrupt):
+    """A solve was stopped by Ctrl-C, or by its progress callback.
+
+    Attributes
+    ----------
+    solution
+        What stood when it was stopped: consistent, but unfinished (its report's status is ``"cancelled"``).
+        None where a callback raised ``Cancelled()`` itself and it has not passed through `isolux.solve` yet.
+    """
+
+    solution: Solution | None
+
+    def __init__(self, message: str = "cancelled", solution: Solution | None = None) -> None:
+        super().__init__(message)
+        self.solution = solution

@@ -1,0 +1,67 @@
+"""Meshes of other kinds (STL, PLY, OFF, ...) through trimesh, as scenes of one grey material."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from isolux.exceptions import MissingExtraError, ReadError, SceneError
+from isolux.scene import Material, Scene
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+__all__ = ["load"]
+
+
+def load(path: Path, metres_per_unit: float) -> Scene:
+    """Read a mesh with trimesh; its objects keep their names, its materials are left behind.
+
+    Raises
+    ------
+    MissingExtraError
+        Where trimesh is not installed.
+    ReadError
+        Where trimesh cannot read the file.
+    SceneError
+        Where what it holds is no scene.
+    """
+    try:
+        import trimesh  # noqa: PLC0415
+    except ImportError:
+        raise MissingExtraError(
+            f"{path}: kinds other than .glb, .gltf and .obj need trimesh: pip install 'isolux[meshes]'"
+        ) from None
+    try:
+        loaded = trimesh.load_scene(path)
+        meshes = [mesh for mesh in loaded.dump() if isinstance(mesh, trimesh.Trimesh) and len(mesh.faces)]
+    # Readers of thirty formats: there is no list of what they raise.
+    except Exception as error:
+        raise ReadError(f"{path}: trimesh cannot read it: {' '.join(str(error).split())}") from None
+    if not meshes:
+        raise SceneError(f"{path}: no triangles in it")
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    names = [str(mesh.metadata.get("name", path.stem)) for mesh in meshes]
+    try:
+        return Scene.from_arrays(
+            np.concatenate([mesh.vertices for mesh in meshes]),
+            np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)]),
+            [Material("grey", reflectance=0.5)],
+            _unique(names),
+            face_objects=np.repeat(np.arange(len(meshes)), [len(mesh.faces) for mesh in meshes]),
+            metres_per_unit=metres_per_unit,
+            name=path.stem,
+        )
+    except SceneError as error:
+        raise SceneError(f"{path}: {error}") from None
+
+
+def _unique(names: list[str]) -> list[str]:
+    """Repeated names get ``#2``, ``#3``, as the extension's readers do it."""
+    seen: dict[str, int] = {}
+    unique = []
+    for name in names:
+        seen[name] = seen.get(name, 0) + 1
+        unique.append(name if seen[name] == 1 else f"{name}#{seen[name]}")
+    return unique

@@ -1,0 +1,230 @@
+"""What a solve tells of itself, as frozen dataclasses."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import TYPE_CHECKING, Any, Literal
+
+from isolux.settings import Settings
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+__all__ = [
+    "Bands",
+    "Counts",
+    "Energy",
+    "Issue",
+    "IterationReport",
+    "LinkReport",
+    "PhaseReport",
+    "Report",
+    "RowSum",
+    "Status",
+]
+
+#: Linear red, green, blue.
+Bands = tuple[float, float, float]
+#: How a solve ended.
+Status = Literal["converged", "iteration-limit", "cancelled"]
+
+
+@dataclasses.dataclass(frozen=True)
+class Issue:
+    """A finding about a scene: survived, but worth knowing."""
+
+    #: ``"warning"`` (the answer may not be what is expected) or ``"note"`` (something was assumed).
+    severity: Literal["note", "warning"]
+    #: What kind of finding, e.g. ``"flipped-face"``.
+    kind: str
+    #: Name of the object, material or file concerned.
+    object: str
+    #: One sentence with counts and values.
+    message: str
+
+
+@dataclasses.dataclass(frozen=True)
+class LinkReport:
+    """Links of the solution by visibility."""
+
+    total: int
+    #: Every ray passed.
+    full: int
+    #: Some did.
+    partial: int
+    #: None did.
+    none: int
+
+
+@dataclasses.dataclass(frozen=True)
+class IterationReport:
+    """One iteration."""
+
+    #: Sum of area times radiosity, per band, W or lm.
+    total: Bands
+    #: Relative change of the total against the iteration before; infinite in the first.
+    residual: float
+    #: Elements at its end.
+    elements: int
+    #: Links at its end.
+    links: int
+    #: Visibilities evaluated in it.
+    visibilities: int
+    seconds: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Energy:
+    """Where the emitted power went, per band, W or lm."""
+
+    emitted: Bands
+    #: Turned to heat by the fronts of all surfaces, from the solution.
+    absorbed: Bands
+    #: Left the scene through openings, by independent rays.
+    escaped: Bands
+    #: Ended on black backs, by independent rays.
+    lost_to_backs: Bands
+    #: ``(absorbed + escaped + lost - emitted) / emitted``, summed over bands.
+    imbalance: float
+    #: Standard error of the rays' part of the imbalance.
+    standard_error: float
+    rays: int
+
+
+@dataclasses.dataclass(frozen=True)
+class RowSum:
+    """Sums of form factor times visibility over the links of a leaf and its ancestors, 1 where closed."""
+
+    largest: float
+    largest_object: str
+    smallest: float
+    smallest_object: str
+    #: Area-weighted mean over leaves.
+    mean: float
+
+
+@dataclasses.dataclass(frozen=True)
+class PhaseReport:
+    """Time of one phase."""
+
+    name: str
+    seconds: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Counts:
+    """Kernel evaluations."""
+
+    form_factors: int
+    form_factor_terms: int
+    visibilities: int
+    rays: int
+    node_visits: int
+    fragment_tests: int
+    oracle_decisions: int
+    gathers: int
+
+
+@dataclasses.dataclass(frozen=True)
+class Report:
+    """Everything a solve tells of itself."""
+
+    #: Version of the program that solved.
+    version: str
+    scene: str
+    scene_hash: str
+    #: Settings as asked.
+    settings: Settings
+    status: Status
+    #: Absolute permitted link power, W/m² or lm/m².
+    bf_epsilon: float
+    #: Absolute smallest element that may be split, m².
+    area_epsilon: float
+    #: Relative change of total radiosity at which iterations stop.
+    energy_epsilon: float
+    #: Mean irradiance over the surfaces, W/m² or lm/m².
+    mean_irradiance: Bands
+    #: One-sided polygons (fronts, and backs of two-sided surfaces).
+    polygons: int
+    #: Backs that light reached, of how many there are.
+    lit_backs: tuple[int, int]
+    #: Fragments in the BSP tree.
+    fragments: int
+    #: Roots of quadtrees.
+    roots: int
+    elements: int
+    #: Elements without children.
+    leaves: int
+    #: Elements by level, roots first.
+    elements_by_level: tuple[int, ...]
+    links: LinkReport
+    counts: Counts
+    iterations: tuple[IterationReport, ...]
+    #: None for a cancelled solve.
+    energy: Energy | None
+    #: None for a cancelled solve.
+    row_sum: RowSum | None
+    phases: tuple[PhaseReport, ...]
+    #: Peak memory of the process, bytes; 0 where the system does not tell.
+    peak_memory: int
+    #: What was found in the scene.
+    issues: tuple[Issue, ...]
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> Report:
+        """Report back from `to_dict`, or from the extension's JSON."""
+        values = dict(values)
+        values["settings"] = Settings.from_dict(values["settings"])
+        values["mean_irradiance"] = _bands(values["mean_irradiance"])
+        values["lit_backs"] = tuple(values["lit_backs"])
+        values["elements_by_level"] = tuple(values["elements_by_level"])
+        values["links"] = LinkReport(**values["links"])
+        values["counts"] = Counts(**values["counts"])
+        values["iterations"] = tuple(
+            IterationReport(
+                **{**entry, "total": _bands(entry["total"]), "residual": _number(entry["residual"])}
+            )
+            for entry in values["iterations"]
+        )
+        if values["energy"] is not None:
+            energy = dict(values["energy"])
+            for name in ("emitted", "absorbed", "escaped", "lost_to_backs"):
+                energy[name] = _bands(energy[name])
+            values["energy"] = Energy(**energy)
+        if values["row_sum"] is not None:
+            values["row_sum"] = RowSum(**values["row_sum"])
+        values["phases"] = tuple(PhaseReport(**entry) for entry in values["phases"])
+        values["issues"] = tuple(Issue(**entry) for entry in values["issues"])
+        return cls(**values)
+
+    def to_dict(self) -> dict[str, Any]:
+        """As plain dicts, lists and numbers, ready for JSON: numbers that are not finite become None."""
+        values = {**dataclasses.asdict(self), "settings": self.settings.to_dict()}
+        plain: dict[str, Any] = _plain(values)
+        return plain
+
+    @property
+    def seconds(self) -> float:
+        """Time of all phases."""
+        return sum(phase.seconds for phase in self.phases)
+
+
+def _bands(values: Any) -> Bands:  # noqa: ANN401
+    red, green, blue = values
+    return float(red), float(green), float(blue)
+
+
+def _number(value: float | None) -> float:
+    """JSON has no infinity: it stands as null."""
+    return math.inf if value is None else value
+
+
+def _plain(value: Any) -> Any:  # noqa: ANN401
+    if isinstance(value, dict):
+        return {name: _plain(entry) for name, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(entry) for entry in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

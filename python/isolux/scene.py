@@ -1,0 +1,339 @@
+"""Scenes: loaded from files, or made from arrays."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from isolux import _isolux
+from isolux._arrays import floats, integers
+from isolux.exceptions import ReadError
+from isolux.report import Bands, Issue
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["Light", "Material", "Polygons", "Scene", "load"]
+
+#: What the extension reads itself; other suffixes are left to trimesh.
+OWN_SUFFIXES = (".glb", ".gltf", ".obj")
+
+
+@dataclasses.dataclass(frozen=True)
+class Material:
+    """How a surface reflects, emits and lets light pass.
+
+    Parameters
+    ----------
+    name
+        Unique among the materials of a scene.
+    reflectance
+        Diffuse reflectance in [0, 1), one number or linear RGB.
+    emission
+        Emitted radiosity, W/m² or lm/m² (pi times the radiance), one number or linear RGB.
+    two_sided
+        Whether the back is lit and reflects, too.
+    opacity
+        Share of light that does not pass through, in (0, 1].
+    """
+
+    name: str
+    reflectance: float | Sequence[float] = 0.5
+    emission: float | Sequence[float] = 0.0
+    two_sided: bool = False
+    opacity: float = 1.0
+
+
+@dataclasses.dataclass(frozen=True)
+class Light:
+    """An object that emits."""
+
+    object: str
+    material: str
+    #: One-sided polygons that emit.
+    polygons: int
+    #: Their area, m².
+    area: float
+    #: Emitted power per band, W or lm.
+    power: Bands
+
+    @property
+    def total(self) -> float:
+        """Emitted power summed over bands, W or lm."""
+        return sum(self.power)
+
+
+@dataclasses.dataclass(frozen=True)
+class Polygons:
+    """Surfaces of a scene by what they are."""
+
+    #: Surfaces that exist as geometry.
+    fronts: int
+    #: Those whose back is lit, too.
+    two_sided: int
+    triangles: int
+    #: Given as such, or joined from two coplanar triangles.
+    quadrilaterals: int
+    #: Input triangles without area.
+    dropped_triangles: int
+
+
+class Scene:
+    """A validated scene of diffuse surfaces, immutable; lengths in metres.
+
+    Made by `isolux.load` or `Scene.from_arrays`.
+    """
+
+    __slots__ = ("_inner",)
+
+    _inner: _isolux.Scene
+
+    def __init__(self) -> None:
+        raise TypeError("use isolux.load or isolux.Scene.from_arrays to make a scene")
+
+    @classmethod
+    def _wrap(cls, inner: _isolux.Scene) -> Scene:
+        scene = object.__new__(cls)
+        scene._inner = inner
+        return scene
+
+    @classmethod
+    def from_arrays(
+        cls,
+        vertices: ArrayLike,
+        faces: ArrayLike,
+        materials: Sequence[Material | Mapping[str, Any]] | None = None,
+        names: str | Sequence[str] | None = None,
+        *,
+        face_materials: ArrayLike | None = None,
+        face_objects: ArrayLike | None = None,
+        metres_per_unit: float = 1.0,
+        name: str = "arrays",
+    ) -> Scene:
+        """Make a scene from arrays.
+
+        Parameters
+        ----------
+        vertices
+            (n, 3) coordinates in units of `metres_per_unit`; +Y is up.
+        faces
+            (m, 3) triangles or (m, 4) quadrilaterals as rows of `vertices`, counter-clockwise seen from the
+            front. A row of four that ends in -1 is a triangle.
+        materials
+            `Material` objects, or dicts with their fields. Default: one that reflects half of what arrives.
+        names
+            Names of the objects that `face_objects` counts; without `face_objects`, one name for all faces or
+            one per face (equal names are one object).
+        face_materials
+            (m,) index into `materials`; may be left out where there is one material.
+        face_objects
+            (m,) index into `names`.
+        metres_per_unit
+            Length of the unit of `vertices`, metres.
+        name
+            Name of the scene.
+
+        Raises
+        ------
+        ValueError
+            Naming the argument, where shapes or types are wrong.
+        SceneError
+            Where no scene can be made of them; the message names the object and the face.
+        """
+        corners = integers("faces", faces)
+        count = corners.shape[0] if corners.ndim else 0
+        made = [
+            _material(entry, row)
+            for row, entry in enumerate([Material("default")] if materials is None else materials)
+        ]
+        if face_materials is None:
+            if len(made) != 1:
+                raise ValueError(f"face_materials is needed, because there are {len(made)} materials")
+            material_rows: NDArray[np.int64] = np.zeros(count, np.int64)
+        else:
+            material_rows = integers("face_materials", face_materials)
+        listed = (
+            ["object"]
+            if names is None
+            else [names]
+            if isinstance(names, str)
+            else [str(entry) for entry in names]
+        )
+        if face_objects is not None:
+            object_rows = integers("face_objects", face_objects)
+        elif len(listed) == 1:
+            object_rows = np.zeros(count, np.int64)
+        elif len(listed) == count:
+            numbers = {entry: number for number, entry in enumerate(dict.fromkeys(listed))}
+            object_rows = np.array([numbers[entry] for entry in listed], np.int64)
+            listed = list(numbers)
+        else:
+            raise ValueError(
+                f"names has {len(listed)} names for {count} faces: give one, one per face, or face_objects"
+            )
+        return cls._wrap(
+            _isolux.Scene.from_arrays(
+                name=str(name),
+                vertices=floats("vertices", vertices),
+                faces=corners,
+                materials=made,
+                face_materials=material_rows,
+                names=listed,
+                face_objects=object_rows,
+                metres_per_unit=float(metres_per_unit),
+            )
+        )
+
+    @property
+    def name(self) -> str:
+        """Name of the scene."""
+        return self._inner.name
+
+    @property
+    def hash(self) -> str:
+        """SHA-256 over geometry and materials, hexadecimal: equal hashes mean equal solutions."""
+        return self._inner.hash
+
+    @property
+    def triangles(self) -> NDArray[np.float64]:
+        """(n, 3, 3) corners of the input triangles in file order, metres; row = face index; read-only.
+
+        A quadrilateral face counts as two triangles, of its corners (0, 1, 2) and (0, 2, 3).
+        """
+        return self._inner.triangles
+
+    @property
+    def triangle_objects(self) -> NDArray[np.int64]:
+        """(n,) index into `objects` of each input triangle, -1 where it has no area; read-only."""
+        return self._inner.triangle_objects
+
+    @property
+    def objects(self) -> list[str]:
+        """Names of the objects, in file order."""
+        return self._inner.objects
+
+    @property
+    def materials(self) -> list[Material]:
+        """The materials, in file order; textured ones show their untextured values."""
+        return [Material(*entry) for entry in self._inner.materials]
+
+    @property
+    def cameras(self) -> list[str]:
+        """Names of the cameras."""
+        return self._inner.cameras
+
+    @property
+    def issues(self) -> list[Issue]:
+        """What was found while the scene was made, worst first; each names its object."""
+        return [Issue(*entry) for entry in self._inner.issues]
+
+    @property
+    def lights(self) -> list[Light]:
+        """Objects that emit, by material, in file order."""
+        return [Light(*entry) for entry in self._inner.lights]
+
+    @property
+    def polygons(self) -> Polygons:
+        """Surfaces by what they are."""
+        return Polygons(**self._inner.polygons)
+
+    @property
+    def emitted_power(self) -> Bands:
+        """Emitted power of all lights per band, W or lm."""
+        return self._inner.emitted_power
+
+    @property
+    def area(self) -> float:
+        """Area of all surfaces (fronts only), m²."""
+        return self._inner.area
+
+    @property
+    def bounds(self) -> NDArray[np.float64]:
+        """(2, 3) lowest and highest coordinates, metres."""
+        return np.array(self._inner.bounds)
+
+    def check(self) -> list[Issue]:
+        """Check the invariants of the scene and return the warnings among its issues.
+
+        Raises
+        ------
+        InternalError
+            Where an invariant is broken: a defect of isolux.
+        """
+        self._inner.check()
+        return [issue for issue in self.issues if issue.severity == "warning"]
+
+    def __repr__(self) -> str:
+        polygons = self.polygons
+        return f"<isolux.Scene '{self.name}': {polygons.fronts} polygons, {len(self.lights)} lights>"
+
+
+def load(
+    path: str | os.PathLike[str], *, metres_per_unit: float | None = None, emission_scale: float = 1.0
+) -> Scene:
+    """Read a scene from a file.
+
+    Parameters
+    ----------
+    path
+        glTF (``.glb``, ``.gltf``) or OBJ; with the extra ``isolux[meshes]`` also STL, PLY, OFF and what else
+        trimesh reads.
+    metres_per_unit
+        Length of the file's unit, metres; None stands for what the format says (glTF: metres).
+    emission_scale
+        Factor on every emission. 1 where the file's values are radiances (cd/m², W/m²/sr), as glTF
+        prescribes: radiosities are pi times those.
+
+    Raises
+    ------
+    ReadError
+        Where the file is missing or cannot be understood; the message names the file and the part.
+    SceneError
+        Where what it holds is no scene; the message names file and object.
+    MissingExtraError
+        Where reading it needs a package that is not installed.
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix == ".isolux":
+        raise ReadError(f"{path}: this is a solution; isolux.open reads it")
+    if suffix in OWN_SUFFIXES or not path.is_file():
+        return Scene._wrap(_isolux.Scene.load(path, metres_per_unit, float(emission_scale)))
+    from isolux.io import other_meshes  # noqa: PLC0415
+
+    return other_meshes.load(path, 1.0 if metres_per_unit is None else metres_per_unit)
+
+
+def _material(entry: Material | Mapping[str, Any], row: int) -> tuple[str, Bands, Bands, bool, float]:
+    """As the extension takes it."""
+    if not isinstance(entry, Material):
+        fields = dict(entry)
+        unknown = sorted(set(fields) - {field.name for field in dataclasses.fields(Material)})
+        if unknown:
+            raise ValueError(f"materials[{row}] has unknown fields: {', '.join(map(str, unknown))}")
+        fields.setdefault("name", f"material {row}")
+        entry = Material(**fields)
+    return (
+        str(entry.name),
+        _bands(f"materials[{row}].reflectance", entry.reflectance),
+        _bands(f"materials[{row}].emission", entry.emission),
+        bool(entry.two_sided),
+        float(entry.opacity),
+    )
+
+
+def _bands(name: str, value: float | Sequence[float]) -> Bands:
+    """One number or three as three."""
+    array = floats(name, value)
+    if array.ndim == 0:
+        array = array.repeat(3)
+    if array.shape != (3,):
+        raise ValueError(f"{name}: expected one number or three, got shape {array.shape}")
+    red, green, blue = array.tolist()
+    return red, green, blue

@@ -1,0 +1,133 @@
+"""What may be asked of a solve; the extension checks every value."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from typing import TYPE_CHECKING, Any, Literal
+
+from isolux import _isolux
+from isolux.exceptions import SettingsError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+__all__ = ["Quality", "Settings"]
+
+#: Names for errors: 0.2, 0.1, 0.05 and 0.02.
+Quality = Literal["draft", "preview", "production", "final"]
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Settings:
+    """What may be asked of a solve.
+
+    Every epsilon is relative, so that a scene may be scaled or dimmed at will. Values are checked when the
+    object is made.
+
+    Parameters
+    ----------
+    error
+        Asked relative error of irradiance (RMS over surfaces, relative to the mean), in (0, 1]; sets the
+        epsilons that are None.
+    bf_epsilon
+        Links carry at most this share of the scene's mean irradiance.
+    area_epsilon
+        Elements below this share of the scene's area are not split.
+    energy_epsilon
+        The solve stops when the total radiosity changes by less than this share in an iteration.
+    update
+        When others see a new radiosity: ``"in-place"`` at once, ``"jacobi"`` at the end of the iteration.
+    form_factor
+        ``"lambert"`` (closed form) or ``"disks"`` (four points to four disks).
+    rays
+        Rays per visibility, 16 or 256.
+    order
+        Insertion in the BSP tree: ``"as-given"``, ``"largest-first"``, ``"random"`` (by `seed`) or
+        ``"random:7"`` (by a seed of its own).
+    roots
+        Roots of the quadtrees: ``"polygons"``, or the BSP tree's ``"fragments"``.
+    seed
+        Seed of every pseudo-random choice.
+    max_iterations
+        Iterations after which the solve gives up (status ``"iteration-limit"``).
+    threads
+        Threads; 0 stands for all cores. Never changes a result.
+
+    Raises
+    ------
+    SettingsError
+        Naming the first setting that makes no sense, and its value.
+    """
+
+    error: float = 0.05
+    bf_epsilon: float | None = None
+    area_epsilon: float | None = None
+    energy_epsilon: float | None = None
+    update: Literal["in-place", "jacobi"] = "in-place"
+    form_factor: Literal["lambert", "disks"] = "lambert"
+    rays: Literal[16, 256] = 16
+    order: str = "as-given"
+    roots: Literal["polygons", "fragments"] = "polygons"
+    seed: int = 0
+    max_iterations: int = 100
+    threads: int = 0
+
+    def __post_init__(self) -> None:
+        _isolux.validate_settings(self._to_json())
+
+    @classmethod
+    def of_quality(cls, quality: Quality, **settings: Any) -> Settings:  # noqa: ANN401
+        """Settings whose error has a name: draft 0.2, preview 0.1, production 0.05, final 0.02.
+
+        Raises
+        ------
+        SettingsError
+            For other names, and as the constructor does.
+        """
+        return cls(error=_isolux.quality_error(quality), **settings)
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> Settings:
+        """Settings back from `to_dict`."""
+        values = dict(values)
+        order = values.get("order")
+        if isinstance(order, dict) and list(order) == ["random"]:
+            values["order"] = f"random:{order['random']}"
+        return cls(**values)
+
+    def to_dict(self) -> dict[str, Any]:
+        """All settings, in the words of the solution file."""
+        values = dataclasses.asdict(self)
+        name, colon, seed = self.order.partition(":") if isinstance(self.order, str) else (self.order, "", "")
+        if name == "random":
+            values["order"] = {"random": self._seed(seed) if colon else self.seed}
+        return values
+
+    def _seed(self, text: str) -> int:
+        try:
+            return int(text)
+        except ValueError:
+            raise SettingsError(
+                f"setting 'order' is \"{self.order}\": expected an integer after 'random:'"
+            ) from None
+
+    def _to_json(self) -> str:
+        values = self.to_dict()
+        for name, value in values.items():
+            if isinstance(value, float) and not math.isfinite(value):
+                raise SettingsError(f"setting '{name}' is {value}: expected a finite number")
+            try:
+                json.dumps(value, default=_plain)
+            except TypeError:
+                raise SettingsError(f"setting '{name}' is {value!r}: expected a number or a name") from None
+        return json.dumps(values, default=_plain)
+
+
+def _plain(value: Any) -> Any:  # noqa: ANN401
+    """NumPy's scalars as Python's."""
+    item = getattr(value, "item", None)
+    if item is None:
+        raise TypeError(type(value).__name__)
+    return item()

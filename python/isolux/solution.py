@@ -1,0 +1,357 @@
+"""Solving, and asking a solution."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+from isolux import _isolux
+from isolux._arrays import floats, integers
+from isolux.exceptions import Cancelled, SettingsError
+from isolux.report import Report
+from isolux.scene import Scene
+from isolux.settings import Quality, Settings
+
+if TYPE_CHECKING:
+    import os
+    from collections.abc import Callable, Mapping, Sequence
+
+    import numpy as np
+    from numpy.typing import ArrayLike, NDArray
+
+    #: A read-only dict of read-only arrays.
+    Arrays = Mapping[str, NDArray[Any]]
+    #: What hears of progress, about twenty times a second.
+    OnProgress = Callable[[_isolux.Progress], object]
+
+__all__ = ["Solution", "open_solution", "solve"]
+
+
+class Solution:
+    """A solved scene, immutable.
+
+    Made by `isolux.solve` or `isolux.open`. Values are smooth: linear between the vertices of `mesh`.
+    """
+
+    __slots__ = ("_groups", "_inner", "_mesh", "_report", "_scene")
+
+    _inner: _isolux.Solution
+    _groups: dict[str, Arrays]
+    _mesh: Arrays | None
+    _report: Report | None
+    _scene: Scene | None
+
+    def __init__(self) -> None:
+        raise TypeError("use isolux.solve or isolux.open to make a solution")
+
+    @classmethod
+    def _wrap(cls, inner: _isolux.Solution) -> Solution:
+        solution = object.__new__(cls)
+        solution._inner = inner
+        solution._groups = {}
+        solution._mesh = None
+        solution._report = None
+        solution._scene = None
+        return solution
+
+    @property
+    def scene(self) -> Scene:
+        """The scene that was solved."""
+        if self._scene is None:
+            self._scene = Scene._wrap(self._inner.scene)
+        return self._scene
+
+    @property
+    def report(self) -> Report:
+        """What the solve told of itself."""
+        if self._report is None:
+            self._report = Report.from_dict(json.loads(self._inner.report))
+        return self._report
+
+    @property
+    def elements(self) -> Arrays:
+        """The elements of all quadtrees: read-only arrays with one row per element.
+
+        ``corners`` (metres), ``area`` (m²), ``polygon``, ``parent``, ``first_child``, ``path``, ``radiosity``
+        and ``irradiance`` (linear RGB, lm/m² or W/m²). Made once.
+        """
+        return self._group("elements")
+
+    @property
+    def links(self) -> Arrays:
+        """The links between elements: read-only arrays with one row per link.
+
+        ``receiver`` and ``source`` (rows of `elements`), ``form_factor`` and ``visibility``. Made once.
+        """
+        return self._group("links")
+
+    @property
+    def mesh(self) -> Arrays:
+        """The surfaces as triangles without cracks: read-only arrays, made once.
+
+        ``positions`` (n, 3) in metres, ``irradiance`` and ``radiosity`` (n, 3) at the vertices, ``triangles``
+        (m, 3).
+        """
+        if self._mesh is None:
+            self._mesh = MappingProxyType(self._inner.mesh())
+        return self._mesh
+
+    def radiosity_at(self, face: ArrayLike, barycentric: ArrayLike) -> NDArray[np.float64]:
+        """Radiosity of the fronts at points of the surfaces.
+
+        Parameters
+        ----------
+        face
+            (m,) rows of ``scene.triangles``.
+        barycentric
+            (m, 3) weights of the triangles' corners; each row sums to 1.
+
+        Returns
+        -------
+        numpy.ndarray
+            (m, 3) linear RGB, lm/m² or W/m²; not a number for triangles without area.
+
+        Raises
+        ------
+        IndexError
+            Naming the first face that does not exist.
+        ValueError
+            Naming the argument whose shape, type or values are wrong.
+        """
+        return self._inner.radiosity_at(integers("face", face), floats("barycentric", barycentric))
+
+    def irradiance_at(self, face: ArrayLike, barycentric: ArrayLike) -> NDArray[np.float64]:
+        """Irradiance of the fronts at points of the surfaces.
+
+        Parameters, result and errors are those of `radiosity_at`.
+        """
+        return self._inner.irradiance_at(integers("face", face), floats("barycentric", barycentric))
+
+    def matches(self, scene: Scene) -> bool:
+        """Tell whether this is a solution of `scene`, by its hash."""
+        return self.scene.hash == scene.hash
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write a solution file (HDF5) that `isolux.open` reads.
+
+        The file appears whole or not at all; what stood at `path` is replaced only by a whole one.
+
+        Raises
+        ------
+        WriteError
+            Naming the file and the reason.
+        """
+        from isolux.io import solution_file  # noqa: PLC0415
+
+        attributes, arrays = self._inner.to_record()
+        solution_file.write(Path(path), attributes, arrays, self.scene.hash)
+
+    def bake(self, path: str | os.PathLike[str], *, exposure: float | None = None) -> None:
+        """Write the lit surfaces: ``.glb`` (glTF with vertex colours), ``.ply`` or ``.vtu``.
+
+        Parameters
+        ----------
+        path
+            Where to; its suffix says what.
+        exposure
+            Factor from radiance to displayed value; None stands for `exposure`. The raw values are in the
+            file in any case.
+
+        Raises
+        ------
+        WriteError
+            Naming the file and the reason.
+        RenderError
+            Where the exposure is no positive number.
+        """
+        self._inner.bake(Path(path), exposure)
+
+    def render(
+        self,
+        camera: str | None = None,
+        *,
+        eye: Sequence[float] | None = None,
+        at: Sequence[float] | None = None,
+        vertical_angle: float = 60.0,
+        size: tuple[int, int] = (960, 720),
+        samples: int = 2,
+        threads: int = 0,
+        progress: OnProgress | None = None,
+    ) -> NDArray[np.float64]:
+        """Draw a picture.
+
+        Parameters
+        ----------
+        camera
+            Name of one of ``scene.cameras``. Without `camera` and `eye`: the first, or a computed view.
+        eye, at
+            Point to look from and point to look at, metres; +Y is up.
+        vertical_angle
+            Opening angle with `eye` and `at`, degrees.
+        size
+            Width and height, pixels.
+        samples
+            Samples per pixel are the square of this.
+        threads
+            Threads; 0 stands for all cores. Never changes the picture.
+        progress
+            Called about twenty times a second.
+
+        Returns
+        -------
+        numpy.ndarray
+            (height, width, 3) linear radiance, W/m²/sr or cd/m². `write_image` makes a file of it.
+
+        Raises
+        ------
+        RenderError
+            Where the view makes no sense, or naming a camera that does not exist.
+        """
+        width, height = size
+        return self._inner.render(
+            camera=camera,
+            eye=None if eye is None else _point("eye", eye),
+            at=None if at is None else _point("at", at),
+            vertical_angle=math.radians(vertical_angle),
+            size=(width, height),
+            samples_per_side=samples,
+            threads=threads,
+            progress=progress,
+        )
+
+    def write_image(
+        self, path: str | os.PathLike[str], picture: ArrayLike, *, exposure: float | None = None
+    ) -> None:
+        """Write a picture of `render` as ``.png`` (tone-mapped) or ``.exr`` (linear, as it is).
+
+        Parameters
+        ----------
+        path
+            Where to; its suffix says what.
+        picture
+            (height, width, 3) linear radiance.
+        exposure
+            Factor on radiance before tone mapping, for PNG; None stands for `exposure`.
+
+        Raises
+        ------
+        WriteError
+            Naming the file and the reason.
+        RenderError
+            Where the exposure is no positive number.
+        ValueError
+            Where the shape is wrong.
+        """
+        self._inner.write_image(Path(path), floats("picture", picture), exposure)
+
+    @property
+    def exposure(self) -> float:
+        """The factor on radiance that shows the scene at middle brightness."""
+        return self._inner.exposure
+
+    def _group(self, group: str) -> Arrays:
+        if not self._groups:
+            _, arrays = self._inner.to_record()
+            split: dict[str, dict[str, Any]] = {}
+            for name, array in arrays.items():
+                prefix, _, rest = name.partition("/")
+                split.setdefault(prefix, {})[rest] = array
+            self._groups = {name: MappingProxyType(split[name]) for name in ("elements", "links")}
+        return self._groups[group]
+
+    def __repr__(self) -> str:
+        report = self.report
+        return (
+            f"<isolux.Solution of '{report.scene}': {report.status}, {report.elements} elements, "
+            f"{report.links.total} links>"
+        )
+
+
+def solve(
+    scene: Scene,
+    settings: Settings | None = None,
+    *,
+    error: float | None = None,
+    quality: Quality | None = None,
+    threads: int | None = None,
+    seed: int | None = None,
+    max_iterations: int | None = None,
+    progress: OnProgress | None = None,
+) -> Solution:
+    """Solve a scene.
+
+    Parameters
+    ----------
+    scene
+        What to solve.
+    settings
+        All settings; the keywords below replace its fields.
+    error
+        Asked relative error of irradiance (RMS over surfaces, relative to the mean).
+    quality
+        A name instead: draft 0.2, preview 0.1, production 0.05, final 0.02.
+    threads
+        Threads; 0 stands for all cores. Never changes a result.
+    seed
+        Seed of every pseudo-random choice: equal scenes, settings and seeds give equal bits.
+    max_iterations
+        Iterations after which the solve gives up (status ``"iteration-limit"``).
+    progress
+        Called with an `isolux.Progress` about twenty times a second; raises KeyboardInterrupt to stop the
+        solve. Other exceptions of it stop the solve, too, and come through.
+
+    Returns
+    -------
+    Solution
+        Look at ``report.status``: an iteration limit is no error.
+
+    Raises
+    ------
+    SettingsError
+        Naming the setting that makes no sense.
+    SceneError
+        Where the scene cannot be solved, e.g. for want of light (`NoLightError`).
+    Cancelled
+        On Ctrl-C; its ``solution`` is what stood then.
+    """
+    if quality is not None:
+        if error is not None:
+            raise SettingsError(
+                f"setting 'quality' is \"{quality}\", but 'error' is {error}: give one of them"
+            )
+        error = _isolux.quality_error(quality)
+    given = {"error": error, "threads": threads, "seed": seed, "max_iterations": max_iterations}
+    changes: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
+    settings = dataclasses.replace(Settings() if settings is None else settings, **changes)
+    inner, stopped = _isolux.solve(scene._inner, settings._to_json(), progress)
+    if stopped is None:
+        return Solution._wrap(inner)
+    if isinstance(stopped, KeyboardInterrupt):
+        raise Cancelled(str(stopped) or "cancelled", Solution._wrap(inner)) from None
+    raise stopped
+
+
+def open_solution(path: str | os.PathLike[str]) -> Solution:
+    """Open a solution file that `Solution.save` wrote.
+
+    Raises
+    ------
+    SolutionFileError
+        Where the file is missing, damaged, of another kind, or contradicts itself; the message names the file
+        and the part.
+    """
+    from isolux.io import solution_file  # noqa: PLC0415
+
+    return Solution._wrap(solution_file.read(Path(path)))
+
+
+def _point(name: str, value: Sequence[float]) -> tuple[float, float, float]:
+    array = floats(name, value)
+    if array.shape != (3,):
+        raise ValueError(f"{name}: expected shape (3,), got {array.shape}")
+    x, y, z = array.tolist()
+    return x, y, z

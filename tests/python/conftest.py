@@ -1,0 +1,101 @@
+"""Scenes with known answers, solved once, and the command as people run it."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+import isolux
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+ROOT = Path(__file__).parents[2]
+
+#: Corners of the unit cube, and its sides seen from inside.
+CUBE = [[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)]
+SIDES = {
+    "left": [0, 2, 3, 1],
+    "right": [4, 5, 7, 6],
+    "floor": [0, 1, 5, 4],
+    "ceiling": [2, 6, 7, 3],
+    "back": [0, 4, 6, 2],
+    "front": [1, 3, 7, 5],
+}
+
+
+def box(**material: object) -> isolux.Scene:
+    """A closed box of one material: B = E / (1 - rho), and H = B where rho = 1/2 and E = 1."""
+    values = {"name": "wall", "reflectance": 0.5, "emission": 1.0, **material}
+    return isolux.Scene.from_arrays(CUBE, list(SIDES.values()), [values], list(SIDES), name="furnace")
+
+
+def lamp() -> isolux.Scene:
+    """A closed box whose ceiling emits: irradiance varies over every side."""
+    materials = [isolux.Material("paint", (0.7, 0.5, 0.3)), isolux.Material("lamp", 0.0, (3.0, 2.0, 1.0))]
+    faces = list(SIDES.values())
+    return isolux.Scene.from_arrays(
+        CUBE, faces, materials, list(SIDES), face_materials=[0, 0, 0, 1, 0, 0], name="lamp"
+    )
+
+
+def in_python(code: str, *arguments: object) -> subprocess.CompletedProcess[str]:
+    """Run code in an interpreter of its own."""
+    command = [sys.executable, "-c", code, *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+@pytest.fixture(scope="session")
+def furnace() -> isolux.Solution:
+    return isolux.solve(box(), error=0.1)
+
+
+@pytest.fixture(scope="session")
+def lit() -> isolux.Solution:
+    return isolux.solve(lamp(), error=0.2)
+
+
+@pytest.fixture(scope="session")
+def solution_file(lit: isolux.Solution, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("solution") / "lamp.isolux"
+    lit.save(path)
+    return path
+
+
+@pytest.fixture(scope="session")
+def scene_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The lamp box as a file: OBJ with its materials."""
+    folder = tmp_path_factory.mktemp("scene")
+    (folder / "box.mtl").write_text("newmtl paint\nKd 0.7 0.5 0.3\nnewmtl lamp\nKd 0 0 0\nKe 3 2 1\n")
+    lines = ["mtllib box.mtl"]
+    lines += ["v " + " ".join(map(str, corner)) for corner in CUBE]
+    for name, corners in SIDES.items():
+        lines += [f"o {name}", f"usemtl {'lamp' if name == 'ceiling' else 'paint'}"]
+        lines += ["f " + " ".join(str(corner + 1) for corner in corners)]
+    path = folder / "box.obj"
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+@pytest.fixture
+def isolux_command() -> Callable[..., subprocess.CompletedProcess[str]]:
+    """The command; the environment is clean of what changes its looks."""
+
+    def run(*arguments: object, **environment: str) -> subprocess.CompletedProcess[str]:
+        clean = {
+            k: v for k, v in os.environ.items() if k not in ("NO_COLOR", "FORCE_COLOR", "ISOLUX_TRACEBACK")
+        }
+        return subprocess.run(
+            [sys.executable, "-m", "isolux", *map(str, arguments)],
+            capture_output=True,
+            text=True,
+            check=False,
+            env={**clean, **environment},
+        )
+
+    return run

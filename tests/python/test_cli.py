@@ -1,0 +1,423 @@
+"""The command as people run it: exit codes, one-line errors, streams, JSON, Ctrl-C, no file half-written."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import pty
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import ROOT, in_python
+
+import isolux
+
+TRACEBACK = re.compile(r"Traceback|File \"")
+COLOUR = re.compile(r"\x1b\[[0-9;]*(3[0-9]|4[0-9]|9[0-7])[0-9;]*m")
+
+
+def one_line(done: subprocess.CompletedProcess[str]) -> str:
+    """The only line on standard error; nothing on standard output."""
+    assert done.stdout == ""
+    lines = done.stderr.splitlines()
+    assert len(lines) == 1, done.stderr
+    assert lines[0].startswith("isolux: ")
+    return lines[0]
+
+
+def test_help_has_examples(isolux_command):
+    """Catches a command without examples, and help on the wrong stream."""
+    top = isolux_command("--help")
+    assert top.returncode == 0
+    assert "Exit codes" in top.stdout
+    for command in ("inspect", "solve", "bake", "render"):
+        done = isolux_command(command, "--help")
+        assert done.returncode == 0
+        assert "For example:" in done.stdout
+        assert f"isolux {command} " in done.stdout.split("For example:")[1]
+        assert done.stderr == ""
+
+
+def test_version_and_script():
+    """Catches an entry point that is not installed, or a version of its own."""
+    script = Path(sys.executable).with_name("isolux")
+    done = subprocess.run([script, "--version"], capture_output=True, text=True, check=True)
+    assert done.stdout == f"isolux {isolux.__version__}\n"
+
+
+def test_solve_bake_render(isolux_command, scene_file, tmp_path):
+    """Catches any break in the way from a scene to its results, and words on the wrong stream."""
+    folder = tmp_path / "made" / "for this"
+    solved = isolux_command("solve", scene_file, "-o", folder / "box.isolux", "--error", "0.5")
+    assert solved.returncode == 0, solved.stderr
+    assert "converged" in solved.stdout
+    assert "links" in solved.stdout
+    assert not re.search(r" +$", solved.stdout, re.MULTILINE)
+    assert re.search(r"^ *\d+ %", solved.stderr, re.MULTILINE)
+    baked = isolux_command(
+        "bake", folder / "box.isolux", "-o", folder / "lit.glb", "--to", "vertex", "--exposure", "+1"
+    )
+    assert (baked.returncode, baked.stdout) == (0, "")
+    for name in ("box.png", "box.exr"):
+        drawn = isolux_command("render", folder / "box.isolux", "-o", folder / name, "--size", "32x24")
+        assert (drawn.returncode, drawn.stdout) == (0, "")
+    assert sorted(entry.name for entry in folder.iterdir()) == ["box.exr", "box.isolux", "box.png", "lit.glb"]
+    assert isolux.open(folder / "box.isolux").report.settings.error == 0.5
+    assert isolux.load(folder / "lit.glb").polygons.fronts > 0
+
+
+def test_render_takes_views(isolux_command, solution_file, tmp_path):
+    """Catches a view, a size or an exposure that does not reach the picture."""
+    image = pytest.importorskip("PIL.Image")
+
+    def mean(*arguments):
+        path = tmp_path / "view.png"
+        done = isolux_command(
+            "render", solution_file, "-o", path, "--size", "20x10", "--samples", 1, *arguments
+        )
+        assert done.returncode == 0, done.stderr
+        with image.open(path) as opened:
+            assert opened.size == (20, 10)
+            return np.asarray(opened.convert("RGB")).mean()
+
+    up, down = (mean("--eye", "0.5,0.5,0.5", "--at", f"0.5,{y},0.5") for y in (1, 0))
+    assert up > down
+    look = ("--eye", "0.5,0.5,0.9", "--at", "0.5,0.5,0")
+    assert mean(*look, "--exposure", "-2") < mean(*look) < mean(*look, "--exposure", "+2")
+    assert mean(*look, "--exposure", "1e-6") < 2
+    assert mean(*look, "--angle", "5") != mean(*look, "--angle", "120")
+
+
+def test_inspect_tells_what_is_there(isolux_command, scene_file):
+    """Catches lights without their power, and tables that cut names."""
+    done = isolux_command("inspect", scene_file)
+    assert done.returncode == 0
+    assert done.stderr == ""
+    values = json.loads(isolux_command("inspect", scene_file, "--json", "-").stdout)
+    scene = isolux.load(scene_file)
+    assert values["hash"] == scene.hash
+    assert values["lights"][0]["object"] == "ceiling"
+    assert values["lights"][0]["power"] == pytest.approx(list(scene.lights[0].power))
+    assert values["polygons"]["fronts"] == 6
+    assert values["issues"] == [
+        {"severity": i.severity, "kind": i.kind, "object": i.object, "message": i.message}
+        for i in scene.issues
+    ]
+    for word in ("ceiling", "lamp", scene.hash, f"{scene.lights[0].total:.6g}"):
+        assert word in done.stdout
+    for issue in scene.issues:
+        assert issue.message[:40] in done.stdout
+
+
+def test_units_reach_the_scene(isolux_command, scene_file):
+    """Catches --units that is parsed and forgotten."""
+
+    def look(*arguments):
+        return json.loads(isolux_command("inspect", scene_file, "--json", "-", *arguments).stdout)
+
+    plain, scaled, radiosity = look(), look("--units", "cm"), look("--units", "0.5,lm/m2")
+    assert scaled["area"] == pytest.approx(plain["area"] * 1e-4)
+    assert radiosity["area"] == pytest.approx(plain["area"] / 4)
+    assert radiosity["emitted_power"] == pytest.approx(
+        [power / 4 / np.pi for power in plain["emitted_power"]]
+    )
+
+
+def test_every_setting_reaches_the_solver(isolux_command, scene_file, tmp_path):
+    """Catches an option that is accepted and forgotten."""
+    options = {
+        "--bf-eps": 0.4,
+        "--area-eps": 0.1,
+        "--energy-eps": 0.2,
+        "--update": "jacobi",
+        "--form-factor": "disks",
+        "--rays": 256,
+        "--order": "random:6",
+        "--roots": "fragments",
+        "--seed": 5,
+        "--max-iterations": 30,
+        "-j": 1,
+        "--quality": "draft",
+        "--json": tmp_path / "report.json",
+        "--progress": "none",
+    }
+    arguments = [word for pair in options.items() for word in pair]
+    done = isolux_command("solve", scene_file, "-o", tmp_path / "box.isolux", *arguments)
+    assert done.returncode == 0, done.stderr
+    report = isolux.open(tmp_path / "box.isolux").report
+    assert report.settings.to_dict() == {
+        "error": 0.2,
+        "bf_epsilon": 0.4,
+        "area_epsilon": 0.1,
+        "energy_epsilon": 0.2,
+        "update": "jacobi",
+        "form_factor": "disks",
+        "rays": 256,
+        "order": {"random": 6},
+        "roots": "fragments",
+        "seed": 5,
+        "max_iterations": 30,
+        "threads": 1,
+    }
+    written = json.loads((tmp_path / "report.json").read_text())
+    assert written == {"output": str(tmp_path / "box.isolux"), "report": report.to_dict()}
+
+
+@pytest.mark.parametrize("command", ["solve", "bake", "render"])
+def test_json_on_standard_output_is_alone(isolux_command, scene_file, solution_file, tmp_path, command):
+    """Catches tables mixed into JSON, and JSON with NaN or Infinity."""
+    arguments = {
+        "solve": (scene_file, "-o", tmp_path / "box.isolux", "--error", "0.5"),
+        "bake": (solution_file, "-o", tmp_path / "lit.ply"),
+        "render": (solution_file, "-o", tmp_path / "a.png", "--size", "8x8"),
+    }[command]
+    done = isolux_command(command, *arguments, "--json", "-")
+
+    def refuse(word):
+        raise ValueError(word)
+
+    values = json.loads(done.stdout, parse_constant=refuse)
+    assert values["output"] == str(arguments[2])
+
+
+def test_json_progress_is_json(isolux_command, scene_file, tmp_path):
+    """Catches progress lines that programs cannot read."""
+    done = isolux_command(
+        "solve", scene_file, "-o", tmp_path / "a.isolux", "--error", "0.3", "--progress", "json"
+    )
+    lines = [json.loads(line) for line in done.stderr.splitlines() if line.startswith("{")]
+    assert lines
+    assert all(0.0 <= line["done"] <= 1.0 and line["phase"] for line in lines)
+
+
+def test_an_iteration_limit_keeps_the_result(isolux_command, scene_file, tmp_path):
+    """Catches an unfinished result told as good, or thrown away."""
+    done = isolux_command(
+        "solve", scene_file, "-o", tmp_path / "a.isolux", "--error", "0.3", "--max-iterations", 1
+    )
+    assert done.returncode == 4
+    assert "not converged in 1 iterations" in done.stderr
+    assert isolux.open(tmp_path / "a.isolux").report.status == "iteration-limit"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ("foo", "No such command 'foo'"),
+        ("solve", "Missing argument 'SCENE'"),
+        ("solve {scene}", "Missing option '-o'"),
+        ("solve {scene} -o {tmp}/a.isolux --quality best", "'best' is not one of"),
+        ("solve {scene} -o {tmp}/a.isolux --quality draft --error 0.1", "say the same thing twice"),
+        ("solve {scene} -o {tmp}/a.isolux --error 2", "setting 'error' is 2"),
+        ("solve {scene} -o {tmp}/a.isolux --error much", "'--error': Input should be a valid number"),
+        ("solve {scene} -o {tmp}/a.isolux --rays 3", "setting 'rays' is 3"),
+        ("solve {scene} -o {tmp}/a.isolux --units parsec", "'parsec' is neither a length"),
+        ("solve {scene} -o {tmp}/a.isolux --progress loud", "'loud' is not one of"),
+        ("solve {scene} -o {tmp}", "is a folder"),
+        ("solve {scene} -o {scene}x/a.isolux/b", "needs a folder that cannot be made"),
+        ("solve {scene} -o {tmp}/lit.glb", "isolux bake and isolux render write such files"),
+        ("bake {solution} -o {solution}", "should have a name that ends in .glb or .ply or .vtu"),
+        (
+            "bake {solution} -o {tmp}/a.glb --exposure bright",
+            "'bright' is neither a positive factor nor stops",
+        ),
+        ("bake {solution} -o {tmp}/a.glb --exposure 0", "'0' is neither a positive factor nor stops"),
+        ("bake {solution} -o {tmp}/a.glb --exposure +x", "'+x' is not a number of stops"),
+        ("render {solution} -o {tmp}/a.jpg", "should have a name that ends in .png or .exr"),
+        ("render {solution} -o {tmp}/a.png --camera hall", "there is no camera 'hall'"),
+        ("render {solution} -o {tmp}/a.png --eye 1,2,3", "belong together"),
+        ("render {solution} -o {tmp}/a.png --camera a --eye 1,2,3 --at 0,0,0", "say the same thing twice"),
+        ("render {solution} -o {tmp}/a.png --eye 1,2 --at 0,0,0", "'1,2' is not x,y,z"),
+        ("render {solution} -o {tmp}/a.png --eye 1,2,3 --at 1,2,3", "must be two points"),
+        ("render {solution} -o {tmp}/a.png --size big", "'big' is not WIDTHxHEIGHT"),
+        ("render {solution} -o {tmp}/a.png --size 0x5", "'0x5' is not WIDTHxHEIGHT"),
+    ],
+)
+def test_wrong_usage_is_one_line(isolux_command, scene_file, solution_file, tmp_path, arguments, message):
+    """Catches usage errors with another exit code, a traceback, or without the word that is wrong."""
+    shutil.copy(scene_file, str(scene_file) + "x")
+    places = {"scene": scene_file, "solution": solution_file, "tmp": tmp_path}
+    done = isolux_command(*(word.format(**places) for word in arguments.split()))
+    assert done.returncode == 2, done.stderr
+    assert message in done.stderr.splitlines()[-1]
+    assert not TRACEBACK.search(done.stderr)
+    assert done.stdout == ""
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_input_is_never_overwritten(isolux_command, solution_file, tmp_path):
+    """Catches `isolux solve room -o room`, which would replace the scene by its solution."""
+    scene = tmp_path / "room"
+    scene.write_text("v 0 0 0\n")
+    done = isolux_command("solve", scene, "-o", scene)
+    assert done.returncode == 2
+    assert "is the input" in one_line(done)
+    assert scene.read_text() == "v 0 0 0\n"
+
+
+def test_bad_scenes_are_named_with_file_and_object(isolux_command, tmp_path):
+    """Catches an unusable scene without exit code 3, or an error that does not lead to the place."""
+    material = "mtllib m.mtl\nusemtl m\n"
+    (tmp_path / "m.mtl").write_text("newmtl m\nKd 0.5 0.5 0.5\n")
+    cases = {
+        "broken.glb": ("not a GLB", "broken.glb"),
+        "index.obj": (material + "o shelf\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "object 'shelf'"),
+        "empty.obj": ("v 0 0 0\n", "empty.obj"),
+        "dark.obj": (material + "o shelf\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "scene 'dark' has no light"),
+    }
+    for name, (content, message) in cases.items():
+        (tmp_path / name).write_text(content)
+        done = isolux_command("solve", tmp_path / name, "-o", tmp_path / "a.isolux")
+        assert done.returncode == 3, (name, done.stderr)
+        line = done.stderr.splitlines()[-1]
+        assert message in line
+        assert not TRACEBACK.search(done.stderr)
+        assert not (tmp_path / "a.isolux").exists()
+    assert isolux_command("inspect", tmp_path / "dark.obj").returncode == 0
+    assert isolux_command("inspect", tmp_path / "index.obj").returncode == 3
+
+
+def test_bad_inputs_are_one_line(isolux_command, scene_file, solution_file, tmp_path):
+    """Catches the wrong kind of file answered by a traceback, or without its name."""
+    for command, path, message in [
+        ("inspect", tmp_path / "none.glb", "none.glb: cannot be read"),
+        ("inspect", solution_file, "lamp.isolux: this is a solution"),
+        ("bake", scene_file, "box.obj: not a solution file"),
+        ("bake", tmp_path / "none.isolux", "none.isolux: cannot be read"),
+    ]:
+        target = () if command == "inspect" else ("-o", tmp_path / "a.glb")
+        done = isolux_command(command, path, *target)
+        assert done.returncode == 3
+        assert message in one_line(done)
+
+
+def test_a_full_disk_is_one_line(solution_file, tmp_path):
+    """Catches a full disk told as success or as a defect, and half a file."""
+    code = (
+        "import resource, sys; from isolux.cli.app import run;"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000)); sys.exit(run(sys.argv[1:]))"
+    )
+    done = in_python(code, "bake", solution_file, "-o", tmp_path / "lit.glb")
+    assert done.returncode == 1
+    assert "cannot write" in one_line(done)
+    assert "lit.glb" in one_line(done)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_internal_errors_are_one_line_with_a_hint():
+    """Catches a traceback that nobody asked for, and one that was asked for and does not come."""
+    code = (
+        "import sys, isolux.cli.solve as s; from isolux.cli.app import run;"
+        "s.load_scene = lambda *_: 1 / 0; sys.exit(run(['solve', 'a.glb', '-o', sys.argv[1]]))"
+    )
+    target = Path(os.devnull).parent / "null"
+    done = in_python(code, target)
+    assert done.returncode == 1
+    assert "ZeroDivisionError" in one_line(done)
+    assert "ISOLUX_TRACEBACK=1" in one_line(done)
+    environment = {**os.environ, "ISOLUX_TRACEBACK": "1"}
+    command = [sys.executable, "-c", code, str(target)]
+    traced = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
+    assert "Traceback" in traced.stderr
+
+
+def test_a_closed_pipe_is_quiet(scene_file):
+    """Catches a complaint when `head` has seen enough."""
+    with subprocess.Popen(
+        [sys.executable, "-m", "isolux", "inspect", str(scene_file)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    ) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.close()
+        assert process.stderr.read() == b""
+    assert process.returncode == 0
+
+
+def on_terminal(*arguments: object, **environment: str) -> str:
+    """What a terminal shows."""
+    main, other = pty.openpty()
+    clean = {k: v for k, v in os.environ.items() if k not in ("NO_COLOR", "FORCE_COLOR")}
+    clean |= {"TERM": "xterm-256color", "COLUMNS": "100", **environment}
+    command = [sys.executable, "-m", "isolux", *map(str, arguments)]
+    shown = b""
+    with subprocess.Popen(command, stdout=other, stderr=other, env=clean):
+        os.close(other)
+        # The end of a terminal is an error on Linux.
+        with contextlib.suppress(OSError):
+            while chunk := os.read(main, 65536):
+                shown += chunk
+    os.close(main)
+    return shown.decode()
+
+
+def test_no_color_means_none(scene_file, tmp_path):
+    """Catches colours where NO_COLOR asks for none, and a terminal that gets none at all."""
+    arguments = ("solve", scene_file, "-o", tmp_path / "a.isolux", "--error", "0.3")
+    assert COLOUR.search(on_terminal(*arguments))
+    assert not COLOUR.search(on_terminal(*arguments, NO_COLOR="1"))
+    assert not COLOUR.search(on_terminal("--help", NO_COLOR="1"))
+
+
+def start_long_solve(scene_file: Path, target: Path) -> subprocess.Popen[str]:
+    """A solve that would take hours, once it is at work."""
+    command = [sys.executable, "-m", "isolux", "solve", str(scene_file), "-o", str(target)]
+    process = subprocess.Popen(
+        [*command, "--error", "1e-4", "--progress", "json"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stderr is not None
+    for line in process.stderr:
+        if line.startswith("{") and json.loads(line)["phase"] == "iteration":
+            return process
+    raise AssertionError("the solve ended by itself")
+
+
+def test_ctrl_c_keeps_the_partial_solution(scene_file, tmp_path, isolux_command):
+    """Catches a lost result, a corrupt one, a traceback, or a wrong exit code after Ctrl-C."""
+    target = tmp_path / "partial.isolux"
+    process = start_long_solve(scene_file, target)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate()
+    assert process.returncode == 130, err
+    assert "cancelled; what was computed is in" in err.splitlines()[-1]
+    assert not TRACEBACK.search(err)
+    assert "cancelled" in out
+    solution = isolux.open(target)
+    assert solution.report.status == "cancelled"
+    assert solution.report.links.total > 0
+    assert isolux_command("bake", target, "-o", tmp_path / "lit.glb").returncode == 0
+
+
+def test_impatient_ctrl_c_corrupts_nothing(scene_file, tmp_path):
+    """Catches a result that a second, third, ... Ctrl-C while saving leaves broken or lost."""
+    target = tmp_path / "partial.isolux"
+    process = start_long_solve(scene_file, target)
+    while process.poll() is None:
+        process.send_signal(signal.SIGINT)
+        time.sleep(0.002)
+    _, err = process.communicate()
+    assert process.returncode == 130, err
+    assert not TRACEBACK.search(err)
+    assert isolux.open(target).report.status == "cancelled"
+    assert [entry.name for entry in tmp_path.iterdir()] == ["partial.isolux"]
+
+
+def test_readme_commands_exist(isolux_command):
+    """Catches options in the README that the command does not have."""
+    readme = (ROOT / "README.md").read_text()
+    blocks = re.findall(r"^```sh\n(.*?)^```", readme, re.DOTALL | re.MULTILINE)
+    assert len(blocks) >= 2
+    for command in re.findall(r"bin/isolux (\w+)", blocks[0]):
+        assert isolux_command(command, "--help").returncode == 0

@@ -1,0 +1,128 @@
+"""Every error variant of the Rust side has one exception class and one tested message."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from isolux import _isolux, exceptions
+
+ROOT = Path(__file__).parents[2]
+
+EXPECTED = {
+    "SettingsError": ("SettingsError", "setting 'error' is -1: expected a number above 0"),
+    "SceneError::Empty": ("SceneError", "the scene has no surfaces (2 faces without area were dropped)"),
+    "SceneError::NotFinite": (
+        "SceneError",
+        "object 'lamp': face 3 has a coordinate that is not a finite number",
+    ),
+    "SceneError::CornerCount": ("SceneError", "object 'lamp': face 3 has 5 corners, expected 3 or 4"),
+    "SceneError::OutOfRange": ("SceneError", "material 9 of 'lamp' is out of range (there are 4)"),
+    "SceneError::MaterialNotFinite": ("SceneError", "material 'paint': reflectance is not a finite number"),
+    "SceneError::Unit": ("SceneError", "-1 metres per unit is not a positive length"),
+    "SceneError::TooLarge": ("SceneError", "20 polygons are more than the 10 that element paths can name"),
+    "SceneViolation": ("InternalError", "polygon 7: violated: unit normal"),
+    "SolveError::Settings": ("SettingsError", "setting 'error' is -1: expected a number above 0"),
+    "SolveError::Scene": ("SceneError", "the scene has no surfaces (0 faces without area were dropped)"),
+    "SolveError::NoLight": ("NoLightError", "scene 'cave' has no light: no surface emits"),
+    "SolveError::Internal": ("InternalError", "link 3 has no receiver"),
+    "RecordError::Missing": ("SolutionFileError", "'links/source' is missing"),
+    "RecordError::Shape": ("SolutionFileError", "'links/source' has shape (3,), expected shape (4,)"),
+    "RecordError::Inconsistent": ("SolutionFileError", "'links/source': names element 9 of 4"),
+    "RecordError::Format": ("SolutionFileError", "file format 9 is not supported (this version reads 1)"),
+    "RenderError::NoSuchCamera": ("RenderError", "there is no camera 'hall'; the scene has: attic"),
+    "RenderError::View": ("RenderError", "view: eye and target coincide"),
+    "RenderError::Cancelled": ("KeyboardInterrupt", "cancelled"),
+    "ReadError::Io": ("ReadError", "room.glb: cannot be read: no such file"),
+    "ReadError::UnknownFormat": (
+        "ReadError",
+        "room.glb: unknown format (.xyz): .glb, .gltf and .obj are read natively, other formats through the "
+        'Python extra `meshes` (pip install "isolux[meshes]")',
+    ),
+    "ReadError::Malformed": ("ReadError", "room.glb: not a valid GLB file: wrong magic"),
+    "ReadError::Unsupported": (
+        "ReadError",
+        "room.glb: requires glTF 1.0, which isolux does not read: export as 2.0",
+    ),
+    "ReadError::Buffer": ("ReadError", "room.glb: buffer 0: is missing"),
+    "ReadError::Accessor": (
+        "ReadError",
+        "room.glb: object 'lamp': POSITION (accessor 3): ends beyond its buffer",
+    ),
+    "ReadError::Index": (
+        "ReadError",
+        "room.glb: object 'lamp': face 3: vertex 9 is out of range (there are 4)",
+    ),
+    "ReadError::Reference": ("ReadError", "room.glb: node 'lamp' names mesh 9, but there are 4"),
+    "ReadError::Syntax": ("ReadError", "room.glb: line 12: no number"),
+    "ReadError::TooLarge": (
+        "ReadError",
+        "room.glb: object 'lamp': 20 faces are more than the 10 that are read",
+    ),
+    "WriteError::Empty": ("WriteError", "scene 'cave' has no triangles to write"),
+    "WriteError::Mismatch": (
+        "InternalError",
+        "the mesh does not belong to scene 'cave': number of vertices is 3, expected 4",
+    ),
+    "WriteError::OutOfRange": ("InternalError", "image 9 of 'paint' is out of range (there are 4)"),
+    "WriteError::NotFinite": ("WriteError", "radiosity of 'lamp' is inf, which the file cannot hold"),
+    "WriteError::Exposure": ("RenderError", "exposure -1 is not a positive finite number"),
+    "WriteError::White": ("RenderError", "white point 0 is not a positive finite number"),
+    "WriteError::ImageType": (
+        "WriteError",
+        "image 'wood' (image/gif) is neither PNG nor JPEG by its first bytes",
+    ),
+    "WriteError::TooLarge": ("WriteError", "vertices: 20 is more than the 10 that PLY can hold"),
+    "WriteError::PictureSize": ("WriteError", "a picture of 4 x 3 has 11 pixels"),
+    "WriteError::Pixel": ("WriteError", "pixel (2, 1) is [NaN, 0, 0], which no picture can hold"),
+    "WriteError::Encode": ("WriteError", "EXR encoder: no pixels"),
+    "WriteError::File": ("WriteError", 'cannot write "lit.glb": write: no storage space'),
+}
+
+SAMPLES = dict(_isolux._error_samples())
+
+#: Where each enum is defined.
+SOURCES = {
+    "SceneError": "crates/core/src/scene/issue.rs",
+    "SolveError": "crates/isolux/src/error.rs",
+    "RecordError": "crates/isolux/src/error.rs",
+    "RenderError": "crates/isolux/src/error.rs",
+    "ReadError": "crates/formats/src/read/error.rs",
+    "WriteError": "crates/formats/src/write/error.rs",
+}
+
+
+@pytest.mark.parametrize("variant", EXPECTED)
+def test_variant_has_its_class_and_message(variant):
+    """Catches a variant that changes its class, or loses the offender from its message."""
+    name, message = EXPECTED[variant]
+    error = SAMPLES[variant]
+    assert type(error).__name__ == name
+    assert str(error) == message
+
+
+@pytest.mark.parametrize("enum", SOURCES)
+def test_no_variant_is_left_out(enum):
+    """Catches a new variant without a tested message."""
+    source = (ROOT / SOURCES[enum]).read_text()
+    body = re.search(rf"pub enum {enum} {{(.*?)^}}", source, re.DOTALL | re.MULTILINE)
+    assert body is not None
+    variants = re.findall(r"^    ([A-Z]\w+)[ ({,]", body[1], re.MULTILINE)
+    assert {f"{enum}::{variant}" for variant in variants} == {
+        variant for variant in EXPECTED if variant.startswith(f"{enum}::")
+    }
+
+
+def test_classes_are_what_people_catch():
+    """Catches a class that leaves its family: `except ValueError` and `except IsoluxError` are promises."""
+    for name in exceptions.__all__:
+        kind = getattr(exceptions, name)
+        assert issubclass(kind, KeyboardInterrupt if name == "Cancelled" else exceptions.IsoluxError)
+        assert kind.__doc__
+    for kind in (exceptions.SceneError, exceptions.SettingsError, exceptions.RenderError):
+        assert issubclass(kind, ValueError)
+    assert issubclass(exceptions.NoLightError, exceptions.SceneError)
+    assert issubclass(exceptions.MissingExtraError, ImportError)
+    assert not issubclass(exceptions.Cancelled, Exception)

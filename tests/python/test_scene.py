@@ -1,0 +1,227 @@
+"""Scenes from arrays and files: what comes out is what went in, and what is wrong is named."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import CUBE, SIDES, box, lamp
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import isolux
+from isolux.exceptions import MissingExtraError, ReadError, SceneError
+
+TRIANGLE = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
+
+
+def test_quadrilaterals_become_two_rows_of_triangles():
+    """Catches rows out of order: face indices would address other places than the caller means."""
+    scene = lamp()
+    cube = np.array(CUBE)
+    expected = [cube[[q[0], q[k], q[k + 1]]] for q in SIDES.values() for k in (1, 2)]
+    np.testing.assert_array_equal(scene.triangles, expected)
+    assert scene.triangles.dtype == np.float64
+    assert [scene.objects[row] for row in scene.triangle_objects] == [n for n in SIDES for _ in range(2)]
+
+
+def test_triangles_are_made_once_and_cannot_be_written():
+    """Catches a copy on every access, and a view that lets a caller change a scene."""
+    scene = lamp()
+    assert scene.triangles is scene.triangles
+    for array in (scene.triangles, scene.triangles.base):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 1.0
+
+
+def test_mixed_faces_and_units():
+    """Catches a -1 taken for a vertex, and lengths or areas left in the caller's unit."""
+    vertices = [[0, 0, 0], [100, 0, 0], [100, 0, -100], [0, 0, -100], [0, 50, 0]]
+    scene = isolux.Scene.from_arrays(vertices, [[0, 1, 2, 3], [0, 1, 4, -1]], metres_per_unit=0.01)
+    assert scene.triangles.shape == (3, 3, 3)
+    assert dataclasses.astuple(scene.polygons) == (2, 0, 1, 1, 0)
+    assert scene.area == pytest.approx(1.25)
+    np.testing.assert_allclose(scene.bounds, [[0, 0, -1], [1, 0.5, 0]])
+
+
+def test_lights_tell_their_power():
+    """Catches power per area told as power, lights without their name, and materials lost on the way."""
+    scene = lamp()
+    (light,) = scene.lights
+    assert (light.object, light.material, light.polygons) == ("ceiling", "lamp", 1)
+    assert light.power == pytest.approx((3.0, 2.0, 1.0))
+    assert light.total == pytest.approx(6.0)
+    assert scene.emitted_power == pytest.approx((3.0, 2.0, 1.0))
+    assert scene.materials[1] == isolux.Material("lamp", (0.0, 0.0, 0.0), (3.0, 2.0, 1.0))
+    assert scene.cameras == []
+
+
+def test_equal_names_are_one_object():
+    """Catches one object per face where the caller named faces."""
+    names = ["shell", "shell", "shell", "lamp", "shell", "shell"]
+    scene = isolux.Scene.from_arrays(CUBE, list(SIDES.values()), names=names)
+    assert scene.objects == ["shell", "lamp"]
+    assert [scene.objects[row] for row in scene.triangle_objects[::2]] == names
+
+
+def test_hash_follows_geometry_and_materials():
+    """Catches a hash that misses a change, so that a stale solution would pass for a fresh one."""
+    hashes = {
+        box().hash,
+        box(reflectance=0.4).hash,
+        box(emission=2.0).hash,
+        box(two_sided=True).hash,
+        lamp().hash,
+    }
+    assert len(hashes) == 5
+    assert box().hash == box().hash
+    assert all(len(value) == 64 for value in hashes)
+
+
+def test_check_returns_warnings_only():
+    """Catches notes passed off as warnings, and invariants that building breaks."""
+    scene = box(reflectance=1.5)
+    assert [issue.kind for issue in scene.issues] == ["reflectance-clamped"]
+    assert all(issue.severity == "warning" for issue in scene.check())
+    assert scene.issues[0].object == "wall"
+
+
+@pytest.mark.parametrize(
+    ("changes", "kind", "message"),
+    [
+        ({"vertices": [[0.0, 0.0]]}, ValueError, r"vertices: expected shape \(n, 3\), got \(1, 2\)"),
+        ({"vertices": [0.0, 1.0, 2.0]}, ValueError, r"vertices: expected shape \(n, 3\), got \(3,\)"),
+        ({"vertices": [["a", "b", "c"]]}, ValueError, r"vertices: expected an array of real numbers"),
+        ({"faces": [[0, 1]]}, ValueError, r"faces: expected shape \(m, 3\) or \(m, 4\), got \(1, 2\)"),
+        ({"faces": [[0.0, 1.0, 2.0]]}, ValueError, r"faces: expected an array of integers: got float64"),
+        (
+            {"faces": [[0, 1, 9]]},
+            SceneError,
+            r"object 'object': face 0 names vertex 9, .*out of range \(there are 3\)",
+        ),
+        ({"faces": [[0, 1, -1]]}, SceneError, r"face 0 names vertex -1"),
+        ({"face_materials": [0, 0]}, ValueError, r"face_materials has 2 rows, but faces has 1"),
+        (
+            {"face_materials": [7]},
+            ValueError,
+            r"face_materials\[0\] is 7, which is out of range \(there are 1\)",
+        ),
+        ({"face_objects": [-1]}, ValueError, r"face_objects\[0\] is -1, which is out of range"),
+        ({"names": ["a", "b"]}, ValueError, r"names has 2 names for 1 faces"),
+        ({"materials": [{}, {}]}, ValueError, r"face_materials is needed, because there are 2 materials"),
+        ({"materials": [{"colour": 1}]}, ValueError, r"materials\[0\] has unknown fields: colour"),
+        (
+            {"materials": [{"reflectance": [1, 2]}]},
+            ValueError,
+            r"materials\[0\].reflectance: expected one number or",
+        ),
+        (
+            {"materials": [{"emission": float("nan")}]},
+            SceneError,
+            r"material 'material 0': emission is not a finite",
+        ),
+        (
+            {"vertices": [[0, 0, 0], [1, 0, 0], [0, float("inf"), 0]]},
+            SceneError,
+            r"face 0 has a coordinate that is",
+        ),
+        ({"metres_per_unit": 0.0}, SceneError, r"0 metres per unit is not a positive length"),
+        ({"faces": np.zeros((0, 3), int)}, SceneError, r"no surfaces"),
+        ({"vertices": [[0, 0, 0], [1, 0, 0], [2, 0, 0]]}, SceneError, r"no surfaces \(1 faces without area"),
+    ],
+)
+def test_wrong_arrays_are_named(changes, kind, message):
+    """Catches an argument that is wrong and taken, or blamed on another."""
+    with pytest.raises(kind, match=message) as raised:
+        isolux.Scene.from_arrays(**{"vertices": TRIANGLE, "faces": [[0, 1, 2]], **changes})
+    assert "\n" not in str(raised.value)
+
+
+finite = st.floats(-1e3, 1e3, allow_nan=False, width=32)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    vertices=st.lists(st.tuples(finite, finite, finite), min_size=3, max_size=12),
+    data=st.data(),
+)
+def test_any_arrays_make_a_scene_or_an_error(vertices, data):
+    """Catches a panic, a wrong row order or a broken invariant for slivers and crossing quads."""
+    corner = st.integers(0, len(vertices) - 1)
+    faces = data.draw(st.lists(st.tuples(corner, corner, corner, corner), min_size=1, max_size=8))
+    try:
+        scene = isolux.Scene.from_arrays(vertices, faces)
+    except SceneError as error:
+        assert "no surfaces" in str(error)  # noqa: PT017
+        return
+    scene.check()
+    assert scene.triangles.shape == (2 * len(faces), 3, 3)
+    expected = [
+        [vertices[face[0]], vertices[face[k]], vertices[face[k + 1]]] for face in faces for k in (1, 2)
+    ]
+    np.testing.assert_array_equal(scene.triangles, expected)
+    assert scene.triangle_objects.shape == (2 * len(faces),)
+
+
+def test_load_reads_units_and_emission(scene_file):
+    """Catches units or emission scale that do not reach the reader."""
+    scene = isolux.load(scene_file)
+    half = isolux.load(scene_file, metres_per_unit=0.5, emission_scale=2.0)
+    assert scene.area == pytest.approx(6.0)
+    assert half.area == pytest.approx(1.5)
+    # A quarter of the area, twice the emission.
+    assert half.emitted_power == pytest.approx([value / 2 for value in scene.emitted_power])
+    assert scene.objects == list(SIDES)
+
+
+def test_shipped_scenes_are_sound():
+    """Catches a scene of ours that a change of the reader or of the checks makes unusable."""
+    paths = sorted((Path(__file__).parents[2] / "scenes").glob("*.glb"))
+    assert len(paths) >= 6
+    for path in paths:
+        scene = isolux.load(path)
+        assert scene.check() == [], path.name
+        assert scene.lights, path.name
+
+
+@pytest.mark.parametrize("name", ["missing.glb", "missing.obj", "missing.stl", "missing"])
+def test_missing_files_are_named(tmp_path, name):
+    """Catches a missing file told as another error, or without its name."""
+    with pytest.raises(ReadError, match=rf"{name}: cannot be read"):
+        isolux.load(tmp_path / name)
+
+
+def test_other_kinds_go_through_trimesh(tmp_path):
+    """Catches names, units or faces lost between trimesh and the scene."""
+    path = tmp_path / "tetrahedron.off"
+    path.write_text("OFF\n4 4 0\n0 0 0\n2 0 0\n0 2 0\n0 0 2\n3 0 2 1\n3 0 1 3\n3 1 2 3\n3 0 3 2\n")
+    scene = isolux.load(path, metres_per_unit=0.5)
+    assert scene.polygons.fronts == 4
+    np.testing.assert_allclose(scene.bounds, [[0, 0, 0], [1, 1, 1]])
+
+
+def test_unknown_and_broken_kinds_are_named(tmp_path):
+    """Catches whatever trimesh raises coming through as it is."""
+    for name in ("notes.txt", "broken.stl", "solved.isolux"):
+        (tmp_path / name).write_text("nothing of the kind")
+        with pytest.raises((ReadError, SceneError), match=name):
+            isolux.load(tmp_path / name)
+
+
+def test_missing_trimesh_names_the_extra(tmp_path, monkeypatch):
+    """Catches an ImportError that leaves people guessing what to install."""
+    monkeypatch.setitem(__import__("sys").modules, "trimesh", None)
+    path = tmp_path / "part.stl"
+    path.write_text("solid part\nendsolid part\n")
+    with pytest.raises(MissingExtraError, match=r"part.stl: .*pip install 'isolux\[meshes\]'"):
+        isolux.load(path)
+
+
+def test_scenes_are_only_made_by_their_makers():
+    """Catches a half-made object that crashes later."""
+    with pytest.raises(TypeError, match="from_arrays"):
+        isolux.Scene()
+    with pytest.raises(TypeError, match=r"isolux\.solve"):
+        isolux.Solution()
