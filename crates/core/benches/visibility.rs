@@ -8,7 +8,7 @@ mod bsp_scenes;
 
 use bsp_scenes::*;
 use criterion::{Criterion, criterion_group, criterion_main};
-use isolux_core::kernels::visibility::{Blocker, Rays, visibility, visibility_ray_by_ray, visibility_with_hint};
+use isolux_core::kernels::visibility::{Blocker, Rays, sight, visibility, visibility_ray_by_ray};
 use isolux_core::kernels::{Counts, NoProbe};
 use isolux_core::scene::{Polygon, Scene};
 use isolux_core::tree::{Bsp, InsertionOrder};
@@ -61,7 +61,7 @@ fn single(bsp: &Bsp, scene: &Scene, a: &Polygon, b: &Polygon, rays: Rays, seed: 
 }
 
 fn hinted(bsp: &Bsp, scene: &Scene, a: &Polygon, b: &Polygon, rays: Rays, seed: u64, hint: &mut Blocker) -> f64 {
-    visibility_with_hint(bsp, scene, &patch(a), &patch(b), rays, seed, hint, &mut NoProbe)
+    sight(bsp, scene, &patch(a), &patch(b), rays, seed, hint, &mut NoProbe).share
 }
 
 fn count(

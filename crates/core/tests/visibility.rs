@@ -6,7 +6,7 @@ mod bsp_scenes;
 
 use bsp_scenes::*;
 use isolux_core::DVec3;
-use isolux_core::kernels::visibility::{Blocker, Rays, visibility, visibility_ray_by_ray, visibility_with_hint};
+use isolux_core::kernels::visibility::{Blocker, Rays, sight, visibility, visibility_ray_by_ray};
 use isolux_core::kernels::{Counts, NoProbe, Patch};
 use isolux_core::scene::{AlphaMask, Plane, Polygon, Scene, Wrap};
 use isolux_core::tree::bsp::Hit;
@@ -205,7 +205,7 @@ proptest! {
                     let beam = visibility(bsp, &scene, &patch(&a), &patch(&b), rays, seed, &mut NoProbe);
                     prop_assert_eq!(beam.to_bits(), expected.to_bits());
                     let hinted =
-                        visibility_with_hint(bsp, &scene, &patch(&a), &patch(&b), rays, seed, &mut hint, &mut NoProbe);
+                        sight(bsp, &scene, &patch(&a), &patch(&b), rays, seed, &mut hint, &mut NoProbe).share;
                     prop_assert_eq!(hinted.to_bits(), expected.to_bits());
                 }
             }
@@ -233,8 +233,7 @@ fn beams_agree_with_single_rays_in_a_room() {
         };
         let (a, b) = (draw(), draw());
         let expected = visibility_ray_by_ray(&bsp, &scene, &patch(&a), &patch(&b), Rays::Sixteen, seed, &mut NoProbe);
-        let beam =
-            visibility_with_hint(&bsp, &scene, &patch(&a), &patch(&b), Rays::Sixteen, seed, &mut hint, &mut NoProbe);
+        let beam = sight(&bsp, &scene, &patch(&a), &patch(&b), Rays::Sixteen, seed, &mut hint, &mut NoProbe).share;
         assert_eq!(beam.to_bits(), expected.to_bits());
         *(if beam == 1.0 {
             &mut clear

@@ -2,6 +2,7 @@
 
 use crate::solution::hex;
 use crate::{RecordError, Report, Solution};
+use isolux_core::kernels::visibility::Sight;
 use isolux_core::links::{Hierarchy, Link, Links};
 use isolux_core::scene::{AlphaMask, Camera, Corners, Image, Material, Object, Plane, Polygon, Scene, Side, Wrap};
 use isolux_core::solution::{Light, SmoothPlan};
@@ -210,6 +211,8 @@ pub(crate) fn write(solution: &Solution) -> Record {
     arrays.push(flat_array("links/form_factor", Data::F64(links.iter().map(|(_, link)| link.form_factor).collect())));
     let visibility = links.iter().map(|(_, link)| link.visibility().unwrap_or(0.0) as f32).collect();
     arrays.push(flat_array("links/visibility", Data::F32(visibility)));
+    let proven = links.iter().map(|(_, link)| u8::from(link.sight().is_some_and(|sight| sight.proven))).collect();
+    arrays.push(flat_array("links/proven", Data::U8(proven)));
     let attributes = serde_json::to_string(&attributes).unwrap_or_else(|error| {
         // Only maps with keys that are not strings can fail, and there are none.
         unreachable!("attributes are plain data: {error}")
@@ -467,6 +470,8 @@ fn read_hierarchy(scene: &Scene, shelf: &mut Shelf) -> Result<Hierarchy, RecordE
     let form_factor = shelf.f64("links/form_factor", &[])?;
     let visibility = shelf.f32("links/visibility", &[])?;
     same_length("links/visibility", visibility.len(), form_factor.len())?;
+    let proven = shelf.u8("links/proven", &[])?;
+    same_length("links/proven", proven.len(), form_factor.len())?;
     let receiver = shelf.indices("links/receiver", form_factor.len(), count)?;
     let source = shelf.indices("links/source", form_factor.len(), count)?;
     let mut links = Links::new(count);
@@ -481,7 +486,11 @@ fn read_hierarchy(scene: &Scene, shelf: &mut Shelf) -> Result<Hierarchy, RecordE
         }
         links.push(
             ElementId(receiver[index]),
-            Link::new(ElementId(source[index]), factor, f64::from(visibility[index])),
+            Link::new(
+                ElementId(source[index]),
+                factor,
+                Sight { share: f64::from(visibility[index]), proven: proven[index] != 0 },
+            ),
         );
     }
     Ok(Hierarchy { elements, links, light })

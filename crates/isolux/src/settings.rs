@@ -41,6 +41,8 @@ pub struct Settings {
     pub bf_epsilon: Option<f64>,
     /// Links that see each other partly count this many times what they carry; 1 is the paper's rule.
     pub partial_weight: f64,
+    /// Links that see each other partly are refined down to this form factor, however dim; 1 is the paper's rule.
+    pub partial_form_factor: f64,
     /// A source's emission counts this many times what it reflects; 1 is the paper's rule.
     pub emission_weight: f64,
     /// Elements below this share of the scene's area are not split (the paper's `A_eps`).
@@ -74,7 +76,8 @@ impl Default for Settings {
         Settings {
             error: Quality::Production.error(),
             bf_epsilon: None,
-            partial_weight: 16.0,
+            partial_weight: 4.0,
+            partial_form_factor: 0.02,
             emission_weight: 0.1,
             area_epsilon: None,
             energy_epsilon: None,

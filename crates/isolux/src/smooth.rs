@@ -3,7 +3,7 @@
 use isolux_core::kernels::Counts;
 use isolux_core::links::{Evaluator, Hierarchy};
 use isolux_core::scene::Scene;
-use isolux_core::solution::{Flow, Observer, Phase, Progress, Shadows, Site, SmoothPlan, irradiance_at_site};
+use isolux_core::solution::{Flow, Gathered, Observer, Phase, Progress, Shadows, Site, SmoothPlan, irradiance_at_site};
 use isolux_core::units::Rgb;
 use rayon::prelude::*;
 
@@ -42,7 +42,7 @@ pub(crate) fn gather(
             if observer.observe(&progress) == Flow::Stop {
                 return None;
             }
-            let part: Vec<(Rgb, Counts)> = pool.install(|| {
+            let part: Vec<(Gathered, Counts)> = pool.install(|| {
                 chunk
                     .par_iter()
                     .map(|site| {
@@ -58,7 +58,12 @@ pub(crate) fn gather(
         }
         Some(values)
     };
-    let first = pass(plan.sites(), Shadows::OfLinks, hierarchy, 0.0, 0.5)?;
-    hierarchy.relight_leaves(scene, &plan.leaf_means(&first));
-    pass(&plan.sites()[..plan.vertices()], Shadows::OfSites(shadows_above), hierarchy, 0.5, 1.0)
+    let first: Vec<Gathered> = pass(plan.sites(), Shadows::OfLinks, hierarchy, 0.0, 0.5)?;
+    let irradiance: Vec<Rgb> = first.iter().map(|gathered| gathered.irradiance).collect();
+    hierarchy.relight_leaves(scene, &plan.leaf_means(&irradiance));
+    let last = pass(&plan.sites()[..plan.vertices()], Shadows::OfSites(shadows_above), hierarchy, 0.5, 1.0)?;
+    let mut values: Vec<Rgb> = last.iter().map(|gathered| gathered.irradiance).collect();
+    let openness: Vec<f64> = last.iter().map(|gathered| gathered.openness).collect();
+    plan.uncover(evaluator.bsp, &mut values, &openness);
+    Some(values)
 }

@@ -17,13 +17,13 @@ use std::sync::Arc;
 use std::time::Instant;
 
 /// `BF_eps` in units of asked error times mean irradiance.
-const BF_PER_ERROR: f64 = 0.1;
+const BF_PER_ERROR: f64 = 0.25;
 
 /// `A_eps` in units of asked error squared times the scene's area.
-const AREA_PER_ERROR_SQUARED: f64 = 0.005;
+const AREA_PER_ERROR_SQUARED: f64 = 0.004;
 
 /// Share of the asked error that may come from stopping the iteration early.
-const ENERGY_PER_ERROR: f64 = 0.1;
+const ENERGY_PER_ERROR: f64 = 0.05;
 
 /// Share of progress after which the iteration ends and its evaluation begins.
 const SOLVER_SHARE: f64 = 0.75;
@@ -102,6 +102,7 @@ pub fn solve(scene: Arc<Scene>, settings: &Settings, observer: &mut dyn Observer
         thresholds: Thresholds {
             bf: settings.bf_epsilon.unwrap_or(BF_PER_ERROR * error) * scale,
             partial: settings.partial_weight,
+            partial_form_factor: settings.partial_form_factor,
             emission: settings.emission_weight,
             area: settings.area_epsilon.unwrap_or(AREA_PER_ERROR_SQUARED * error * error) * scene.area(),
         },

@@ -3,7 +3,7 @@
 
 use crate::kernels::Probe;
 use crate::kernels::form_factor::{FormFactor, exchange_area};
-use crate::kernels::visibility::{Sampling, visibility};
+use crate::kernels::visibility::{Blocker, Sampling, Sight, sight};
 use crate::sampling::mix;
 use crate::scene::Scene;
 use crate::tree::{Bsp, ElementId, Elements};
@@ -43,13 +43,22 @@ impl Evaluator<'_> {
         (self.exchange_area(elements, receiver, source, probe) / elements.get(receiver).area).min(1.0)
     }
 
-    /// Share of the pair's rays that pass, in `[0, 1]`.
+    /// Visibility of the pair, and how it is known.
     #[must_use]
-    pub fn visibility<P: Probe>(&self, elements: &Elements, a: ElementId, b: ElementId, probe: &mut P) -> f64 {
+    pub fn sight<P: Probe>(&self, elements: &Elements, a: ElementId, b: ElementId, probe: &mut P) -> Sight {
         let (a, b) = canonical(elements, a, b);
         let names = [elements.get(a).path.to_bits(), elements.get(b).path.to_bits()];
         let seed = names.into_iter().fold(self.seed, |seed, name| mix(seed ^ name));
-        visibility(self.bsp, self.scene, &elements.patch(a), &elements.patch(b), self.sampling, seed, probe)
+        sight(
+            self.bsp,
+            self.scene,
+            &elements.patch(a),
+            &elements.patch(b),
+            self.sampling,
+            seed,
+            &mut Blocker::default(),
+            probe,
+        )
     }
 }
 

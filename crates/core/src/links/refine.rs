@@ -56,24 +56,24 @@ pub fn refine<P: Probe>(
     let mut at = 0;
     while at < list.len() {
         let link = &mut list[at];
-        let visibility = match link.visibility() {
-            Some(visibility) => visibility,
+        let sight = match link.sight() {
+            Some(sight) => sight,
             None if !watch(hierarchy) => {
                 go_on = false;
                 break;
             }
             None => {
-                let visibility = evaluator.visibility(&hierarchy.elements, receiver, link.source, probe);
-                link.set_visibility(visibility);
+                let sight = evaluator.sight(&hierarchy.elements, receiver, link.source, probe);
+                link.set_sight(sight);
                 in_order = false;
-                visibility
+                sight
             }
         };
         let source = link.source;
         let areas = [area, hierarchy.elements.get(source).area];
         let emission = evaluator.scene.polygons[hierarchy.elements.get(source).polygon as usize].emission.mean();
         let radiosity = hierarchy.light.radiosity(source).mean() - (1.0 - thresholds.emission) * emission;
-        match bf_refinement(visibility, link.form_factor, radiosity, areas, thresholds, probe) {
+        match bf_refinement(sight, link.form_factor, radiosity, areas, thresholds, probe) {
             Decision::SplitReceiver if hierarchy.split(receiver) => {
                 list.swap_remove(at);
                 for child in hierarchy.elements.children(receiver) {

@@ -201,6 +201,10 @@ pub struct Site {
 /// other). The irradiance changes over a leaf by its size, so this costs about a hundredth of that change.
 const INSET: f64 = 0.01;
 
+/// A vertex that sees less than this share of its hemisphere counts as covered, if a surface stands close above it. In
+/// a corner where three walls meet a vertex still sees all of it.
+const COVERED: f64 = 0.02;
+
 /// The mesh that a smooth solution will have, before it has values.
 #[derive(Debug)]
 pub struct SmoothPlan<'a> {
@@ -274,7 +278,7 @@ impl<'a> SmoothPlan<'a> {
     #[must_use]
     pub fn averaged(&self, light: &Light) -> Vec<Rgb> {
         let elements = self.builder.elements;
-        let mut around = vec![Gathered::default(); self.centres];
+        let mut around = vec![Blend::default(); self.centres];
         for (leaf, vertices) in &self.leaves {
             let centre = elements.get(*leaf).corners.mean();
             for &(site, _) in vertices {
@@ -282,8 +286,8 @@ impl<'a> SmoothPlan<'a> {
                 around[site as usize].add(light.irradiance(*leaf), self.sites[site as usize].position.distance(centre));
             }
         }
-        let mut values: Vec<Rgb> = around.iter().map(Gathered::mean).collect();
-        let mut border = vec![Gathered::default(); self.centres];
+        let mut values: Vec<Rgb> = around.iter().map(Blend::mean).collect();
+        let mut border = vec![Blend::default(); self.centres];
         for (leaf, vertices) in &self.leaves {
             let centre = elements.get(*leaf).corners.mean();
             let corners: Vec<u32> =
@@ -304,6 +308,36 @@ impl<'a> SmoothPlan<'a> {
             *value = border.mean().map(|value| value.max(0.0));
         }
         values
+    }
+
+    /// Vertices that something covers, a cabinet on the wall or a rug on the floor, are dark, but what is seen is the part
+    /// of their leaves that is not covered: they take the mean of the open vertices around. `values` and `openness` by
+    /// vertex; what is covered sees nothing (`openness` below [`COVERED`]) and has a surface close above it.
+    pub fn uncover(&self, bsp: &Bsp, values: &mut [Rgb], openness: &[f64]) {
+        let scene = self.builder.scene;
+        let covered: Vec<bool> = (0..self.centres)
+            .map(|site| {
+                let Site { position, leaf } = self.sites[site];
+                let element = self.builder.elements.get(leaf);
+                let normal = scene.polygons[element.polygon as usize].plane.normal;
+                let start = position + normal * (2.0 * scene.tolerance());
+                openness[site] < COVERED
+                    && bsp.closest_hit(scene, start, normal, element.area.sqrt(), &mut NoProbe).is_some()
+            })
+            .collect();
+        let mut around = vec![(Rgb::ZERO, 0.0); self.centres];
+        for (_, vertices) in &self.leaves {
+            let open = vertices.iter().filter(|(site, _)| !covered[*site as usize]);
+            let (sum, count) =
+                open.fold((Rgb::ZERO, 0.0), |(sum, count), &(site, _)| (sum + values[site as usize], count + 1.0));
+            for &(site, _) in vertices.iter().filter(|(site, _)| covered[*site as usize]) {
+                around[site as usize].0 += sum;
+                around[site as usize].1 += count;
+            }
+        }
+        for (site, (sum, count)) in around.into_iter().enumerate().filter(|(_, (_, count))| *count > 0.0) {
+            values[site] = sum / count;
+        }
     }
 
     /// Mean irradiance of every leaf from that at its corners and centre, in the order of [`Elements::leaves`]:
@@ -356,12 +390,12 @@ impl Vertex {
 
 /// Sums of values at a vertex.
 #[derive(Clone, Copy, Default)]
-struct Gathered {
+struct Blend {
     sum: Rgb,
     weight: f64,
 }
 
-impl Gathered {
+impl Blend {
     fn add(&mut self, value: Rgb, distance: f64) {
         self.sum += value * (1.0 / distance);
         self.weight += 1.0 / distance;

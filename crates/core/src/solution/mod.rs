@@ -18,4 +18,4 @@ pub use mesh::SurfaceMesh;
 pub use pilot::pilot_irradiance;
 pub use progress::{Flow, Observer, Phase, Progress, Unobserved};
 pub use solver::{Interpolation, Iteration, Parameters, Roots, Solver, Stop};
-pub use vertex_gather::{Shadows, irradiance_at_site};
+pub use vertex_gather::{Gathered, Shadows, irradiance_at_site};

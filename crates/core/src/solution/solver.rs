@@ -197,10 +197,10 @@ impl<'a, P: Probe + Default> Solver<'a, P> {
                 let Hierarchy { elements, links, .. } = &mut self.hierarchy;
                 let exchange = self.evaluator.exchange_area(elements, a, b, &mut self.probe);
                 if exchange > 0.0 {
-                    let visibility = self.evaluator.visibility(elements, a, b, &mut self.probe);
+                    let sight = self.evaluator.sight(elements, a, b, &mut self.probe);
                     for (receiver, source) in [(a, b), (b, a)] {
                         let form_factor = (exchange / elements.get(receiver).area).min(1.0);
-                        links.push(receiver, Link::new(source, form_factor, visibility));
+                        links.push(receiver, Link::new(source, form_factor, sight));
                     }
                 }
             }

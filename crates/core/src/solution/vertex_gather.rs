@@ -20,6 +20,15 @@ pub enum Shadows {
     OfSites(f64),
 }
 
+/// What a site receives.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Gathered {
+    /// Irradiance, W/m² or lm/m².
+    pub irradiance: Rgb,
+    /// Sum of `F V`: the share of its hemisphere in which it sees linked surfaces.
+    pub openness: f64,
+}
+
 /// `H = sum_j F(x, j) V_j B_j` over the links of the site's leaf and all its ancestors.
 ///
 /// - F(x, j): closed-form factor from the point to the source, which the horizon clips; its sum over sources that close
@@ -35,16 +44,16 @@ pub fn irradiance_at_site<P: Probe>(
     hierarchy: &Hierarchy,
     shadows: Shadows,
     probe: &mut P,
-) -> Rgb {
+) -> Gathered {
     let Hierarchy { elements, links, light } = hierarchy;
     let receiver = elements.patch(site.leaf);
-    let mut sum = Rgb::ZERO;
+    let (mut sum, mut openness) = (Rgb::ZERO, 0.0);
     let mut at = site.leaf;
     while at != ElementId::NONE {
         for link in links.of(at) {
             let visible = link.visibility().unwrap_or(0.0);
             let radiosity = light.radiosity(link.source);
-            if visible <= 0.0 || radiosity == Rgb::ZERO {
+            if visible <= 0.0 {
                 continue;
             }
             let source = elements.patch(link.source);
@@ -62,11 +71,12 @@ pub fn irradiance_at_site<P: Probe>(
             } else {
                 visible
             };
+            openness += factor * visible;
             sum += radiosity * (factor * visible);
         }
         at = elements.get(at).parent;
     }
-    sum
+    Gathered { irradiance: sum, openness }
 }
 
 impl Hierarchy {

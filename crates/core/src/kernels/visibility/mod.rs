@@ -133,7 +133,21 @@ pub fn visibility<P: Probe>(
     seed: u64,
     probe: &mut P,
 ) -> f64 {
-    visibility_with_hint(bsp, scene, a, b, sampling, seed, &mut Blocker::default(), probe)
+    sight(bsp, scene, a, b, sampling, seed, &mut Blocker::default(), probe).share
+}
+
+/// A visibility, and how it is known.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sight {
+    /// V, in `[0, 1]`.
+    pub share: f64,
+    /// True where no ray was needed: nothing stands between the patches, or one polygon hides all of one from all of
+    /// the other. Else V is an estimate by rays, 0 and 1 included.
+    pub proven: bool,
+}
+
+impl Sight {
+    const BLOCKED: Sight = Sight { share: 0.0, proven: true };
 }
 
 /// The fragment that blocked last; tried first on the next pair. It saves time where pairs come in an order of
@@ -141,9 +155,9 @@ pub fn visibility<P: Probe>(
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Blocker(Option<u32>);
 
-/// As [`visibility`], trying the polygon first that blocked the last pair.
+/// As [`visibility`], with how it is known, and trying the polygon first that blocked the last pair.
 #[expect(clippy::too_many_arguments, reason = "the arguments of `visibility` and the hint")]
-pub fn visibility_with_hint<P: Probe>(
+pub fn sight<P: Probe>(
     bsp: &Bsp,
     scene: &Scene,
     a: &Patch,
@@ -152,22 +166,28 @@ pub fn visibility_with_hint<P: Probe>(
     seed: u64,
     hint: &mut Blocker,
     probe: &mut P,
-) -> f64 {
+) -> Sight {
     probe.visibility();
-    let Some(beam) = Beam::between((a.corners, a.plane), (b.corners, b.plane), bsp.tolerance()) else { return 0.0 };
+    let Some(beam) = Beam::between((a.corners, a.plane), (b.corners, b.plane), bsp.tolerance()) else {
+        return Sight::BLOCKED;
+    };
     if let Some(fragment) = hint.0
         && bsp.blocks(&beam, fragment, probe)
     {
-        return 0.0;
+        return Sight::BLOCKED;
     }
     let sampling = sampling.into();
     let pair = Pair { bsp, scene, a, b, beam: &beam, sampling };
     match sampling.rays {
         Rays::Sixteen => {
             let shot = pair.shoot::<1>(seed, hint, probe, |sample| [sample.joined()]);
-            shot.unwrap_or_else(|| pair.shoot::<16>(seed, hint, probe, |sample| sample.crossed()).unwrap_or(0.0))
+            shot.unwrap_or_else(|| {
+                pair.shoot::<16>(seed, hint, probe, |sample| sample.crossed()).unwrap_or(Sight::BLOCKED)
+            })
         }
-        Rays::TwoHundredFiftySix => pair.shoot::<16>(seed, hint, probe, |sample| sample.crossed()).unwrap_or(0.0),
+        Rays::TwoHundredFiftySix => {
+            pair.shoot::<16>(seed, hint, probe, |sample| sample.crossed()).unwrap_or(Sight::BLOCKED)
+        }
     }
 }
 
@@ -192,7 +212,7 @@ impl Pair<'_> {
         hint: &mut Blocker,
         probe: &mut impl Probe,
         arrange: impl Fn(&Sample) -> [(Packet, u16); N],
-    ) -> Option<f64> {
+    ) -> Option<Sight> {
         let prepare = |probe: &mut _| Shot::<N>::new(arrange(&Sample::new(self, seed)), probe);
         let mut shot: Option<Shot<N>> = None;
         if !self.beam.is_whole() {
@@ -205,19 +225,19 @@ impl Pair<'_> {
         let walked = self.bsp.walk_beam(self.beam, probe, |probe, fragment, surface, verdict| {
             if verdict == Verdict::All && surface.opaque {
                 hint.0 = Some(fragment);
-                return ControlFlow::Break(());
+                return ControlFlow::Break(Sight::BLOCKED);
             }
             let shot = shot.get_or_insert_with(|| prepare(probe));
             if shot.meet(surface) {
                 hint.0 = Some(fragment);
-                return ControlFlow::Break(());
+                return ControlFlow::Break(Sight { share: 0.0, proven: false });
             }
             ControlFlow::Continue(())
         });
         match (walked, shot) {
-            (ControlFlow::Break(()), _) => Some(0.0),
-            (_, None) => Some(1.0),
-            (_, Some(shot)) => Some(shot.passed(self, probe)),
+            (ControlFlow::Break(blocked), _) => Some(blocked),
+            (_, None) => Some(Sight { share: 1.0, proven: true }),
+            (_, Some(shot)) => Some(Sight { share: shot.passed(self, probe), proven: false }),
         }
     }
 }

@@ -312,12 +312,12 @@ impl Packet {
 
 impl Bsp {
     /// Visits every fragment whose polygon may meet a ray of the beam, until `visit` breaks.
-    pub(crate) fn walk_beam<P: Probe>(
+    pub(crate) fn walk_beam<P: Probe, B>(
         &self,
         beam: &Beam,
         probe: &mut P,
-        mut visit: impl FnMut(&mut P, u32, &Surface, Verdict) -> ControlFlow<()>,
-    ) -> ControlFlow<()> {
+        mut visit: impl FnMut(&mut P, u32, &Surface, Verdict) -> ControlFlow<B>,
+    ) -> ControlFlow<B> {
         let mut stack = Stack::new();
         if !self.nodes.is_empty() {
             stack.push(0);
