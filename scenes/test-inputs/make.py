@@ -1,8 +1,8 @@
 """Makes the small malformed and special inputs for tests of the reader, and expected.json about them.
 
-expected.json holds one record per input: `kind` is "error" (exit code 3), "warning" (read, with a warning) or
-"ok" (read without); `names` are words that the message must contain; `expect` are facts of the scene that was
-read. Every input that is not about light holds a "lamp": 1 m2 facing down at y = 1 m that emits 1 lm/m2
+expected.json holds one record per input: `kind` is "error" (exit code 3), "warning" (read, with a warning), "note"
+(read, with a note and no warning) or "ok" (read, without a warning); `names` are words that the message must
+contain; `expect` are facts of the scene that was read. Every input that is not about light holds a "lamp": 1 m2 facing down at y = 1 m that emits 1 lm/m2
 in each channel; most hold a "panel": 1 m2 facing up at y = 0.
 """
 
@@ -30,6 +30,8 @@ CORNERS_UV = [(0.0, 1.0), (0.0, 0.0), (1.0, 0.0), (1.0, 1.0)]
 FORMATS = {gltf.UNSIGNED_BYTE: "B", gltf.UNSIGNED_SHORT: "H", gltf.UNSIGNED_INT: "I", gltf.FLOAT: "f"}
 KINDS = {1: gltf.SCALAR, 2: gltf.VEC2, 3: gltf.VEC3, 4: gltf.VEC4}
 FOUR_GB = 0xFFFFFFFF
+# What reflectances of 1 and more become.
+LARGEST_REFLECTANCE = 0.99
 
 records: list[dict[str, Any]] = []
 
@@ -245,7 +247,15 @@ def broken_containers() -> None:
     case("not-json.gltf", b"{asset: 2}\n", "error", "A glTF that is not JSON.")
     document = good()
     document.root.nodes[1].children = [1]
-    case("node-cycle.glb", document.glb(), "error", "A node is its own child; must not loop.", ["panel"])
+    case(
+        "node-cycle.glb",
+        document.glb(),
+        "warning",
+        "A node is its own child; must not loop, and counts once.",
+        ["panel"],
+        polygons=2,
+        area_m2={"panel": 1.0},
+    )
 
 
 def broken_contents() -> None:
@@ -292,9 +302,11 @@ def broken_contents() -> None:
     case(
         "missing-image.glb",
         document.glb(),
-        "error",
-        "The picture of a material is missing.",
-        ["not-there.png"],
+        "warning",
+        "The picture of a material is missing: its factor alone counts.",
+        ["papered", "not-there.png"],
+        polygons=2,
+        mean_reflectance={"panel": [0.5] * 3},
     )
     document = good()
     document.extension("EXAMPLE_unknown", required=True)
@@ -307,7 +319,15 @@ def broken_contents() -> None:
     )
     document = good()
     document.root.materials[1].pbrMetallicRoughness.baseColorFactor = [1.5, 0.5, 0.5, 1.0]
-    case("reflectance-above-one.glb", document.glb(), "error", "A base colour of 1.5.", ["grey"])
+    case(
+        "reflectance-above-one.glb",
+        document.glb(),
+        "warning",
+        "A base colour of 1.5 is clamped.",
+        ["grey"],
+        polygons=2,
+        mean_reflectance={"panel": [LARGEST_REFLECTANCE, 0.5, 0.5]},
+    )
 
 
 def surfaces() -> None:
@@ -396,8 +416,10 @@ def surfaces() -> None:
     case(
         "transmission-pane.glb",
         document.glb(),
-        "ok",
-        "KHR_materials_transmission 0.9 over a white base colour.",
+        "warning",
+        "KHR_materials_transmission 0.9 over a white base colour: what is not let through is reflected to the last, "
+        "which is clamped.",
+        ["glass"],
         polygons=2,
         transmittance={"panel": 0.9},
     )
@@ -406,7 +428,7 @@ def surfaces() -> None:
     case(
         "no-metallic-factor.glb",
         document.glb(),
-        "warning",
+        "note",
         "metallicFactor is absent, which means 1: the base colour is taken as diffuse reflectance.",
         ["grey"],
         polygons=2,
@@ -430,10 +452,10 @@ def surfaces() -> None:
         "reflectance-one.glb",
         document.glb(),
         "warning",
-        "A reflectance of 1: in a closed scene the light would never settle.",
+        "A reflectance of 1 is clamped: in a closed scene the light would never settle.",
         ["perfect white"],
         polygons=2,
-        mean_reflectance={"panel": [1.0] * 3},
+        mean_reflectance={"panel": [LARGEST_REFLECTANCE] * 3},
     )
     document = Document(lamp=False)
     document.panel("panel", document.material("grey"))
@@ -585,7 +607,7 @@ def wavefront() -> None:
         b"o panel\nv 0 0 0\nv 0 0 1\nv 1 0 1\nf 1 2 7\n",
         "error",
         "A face names vertex 7 of 3.",
-        ["line 5"],
+        ["panel", "face 0", "vertex 7"],
     )
 
 

@@ -51,9 +51,19 @@ pub(super) fn build(input: SceneInput, options: &BuildOptions) -> Result<Scene, 
     for (index, face) in faces.iter().enumerate() {
         admit_face(index, face, scale, &objects, &materials, &mut triangles, &mut pieces, &mut notes)?;
     }
+    let is_empty_mask: Vec<bool> = masks.iter().map(|mask| !mask.solid.contains(&true)).collect();
+    pieces.retain(|piece| {
+        let mask = mask_of(&materials[piece.material as usize]);
+        let is_there = piece.surface.opacity > 0.0 && !mask.is_some_and(|mask| is_empty_mask[mask as usize]);
+        let counts = is_there || piece.surface.emission != Rgb::ZERO;
+        if !counts {
+            notes.count(IssueKind::Ignored, &objects[piece.object as usize].name, piece.faces[0]);
+        }
+        counts
+    });
     let mut low = DVec3::INFINITY;
     let mut high = DVec3::NEG_INFINITY;
-    for corner in triangles.iter().flatten() {
+    for corner in pieces.iter().flat_map(|piece| piece.corners.iter()) {
         low = low.min(*corner);
         high = high.max(*corner);
     }
@@ -412,7 +422,11 @@ impl Notes {
 
     fn finish(mut self) -> Vec<Issue> {
         for ((kind, object), (count, face, value)) in self.groups {
+            let severity = if kind == IssueKind::Ignored { Severity::Note } else { Severity::Warning };
             let message = match kind {
+                IssueKind::Ignored => {
+                    format!("{count} faces without any opacity, which emit nothing, left out; the first is face {face}")
+                }
                 IssueKind::DegenerateFace => format!("{count} faces without area dropped, the first is face {face}"),
                 IssueKind::NonPlanarQuad => {
                     format!("{count} quadrilaterals are not planar and convex, cut in two; the first is face {face}")
@@ -420,9 +434,61 @@ impl Notes {
                 IssueKind::ReflectanceClamped => format!("reflectance {value} clamped to {MAX_REFLECTANCE}"),
                 _ => format!("negative value {value} set to 0"),
             };
-            self.issues.push(Issue { severity: Severity::Warning, kind, object, message });
+            self.issues.push(Issue { severity, kind, object, message });
         }
         self.issues.sort_by_key(|issue| std::cmp::Reverse(issue.severity));
         self.issues
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{AlphaMask, Wrap};
+    use super::*;
+
+    /// A unit square at height `z` of a material of its own.
+    fn add(input: &mut SceneInput, z: f64, opacity: f64, emission: f64, alpha: Alpha) {
+        let object = input.objects.len() as u32;
+        let name = format!("pane {object}");
+        let surface = Surface { reflectance: Rgb::splat(0.5), emission: Rgb::splat(emission), opacity };
+        input.objects.push(Object { name: name.clone() });
+        input.materials.push(Material { name, surface, two_sided: true, alpha, texture: None });
+        let corners = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)].map(|(x, y)| DVec3::new(x, y, z)).to_vec();
+        input.faces.push(Face { object, material: object, corners, uv: None, surface: None });
+    }
+
+    fn ignored(scene: &Scene) -> Vec<(Severity, &str)> {
+        let of = scene.issues.iter().filter(|issue| issue.kind == IssueKind::Ignored);
+        of.map(|issue| (issue.severity, issue.object.as_str())).collect()
+    }
+
+    /// Catches faces that are not there at all kept as polygons (rays would stop at them, links be spent on them),
+    /// taken for an error, or counted into the scene's diameter; and lamps dropped with them.
+    #[test]
+    fn faces_without_opacity_are_left_out_unless_they_emit() {
+        let mask = |solid| AlphaMask { width: 2, height: 1, solid, wrap: [Wrap::Repeat; 2] };
+        let mut input = SceneInput { metres_per_unit: 1.0, ..SceneInput::default() };
+        input.masks = vec![mask(vec![false, false]), mask(vec![true, false])];
+        add(&mut input, 0.0, 1.0, 0.0, Alpha::Opaque);
+        add(&mut input, 1000.0, 0.0, 0.0, Alpha::Attenuate);
+        add(&mut input, 2.0, 0.0, 3.0, Alpha::Attenuate);
+        add(&mut input, 1000.0, 0.5, 0.0, Alpha::Mask(0));
+        add(&mut input, 4.0, 0.5, 0.0, Alpha::Mask(1));
+        let scene = Scene::build(input, &BuildOptions::default()).unwrap();
+        scene.check().unwrap();
+        assert_eq!(scene.fronts, 3);
+        let none = Scene::NO_POLYGON;
+        assert_eq!(scene.face_polygon, [0, 0, none, none, 1, 1, none, none, 2, 2]);
+        assert_eq!(ignored(&scene), [(Severity::Note, "pane 1"), (Severity::Note, "pane 3")]);
+        assert!(scene.diameter < 5.0, "{}", scene.diameter);
+    }
+
+    /// Catches a scene of nothing but invisible faces built, or a panic on it.
+    #[test]
+    fn a_scene_without_any_opacity_has_no_surfaces() {
+        let mut input = SceneInput { metres_per_unit: 1.0, ..SceneInput::default() };
+        add(&mut input, 0.0, 0.0, 0.0, Alpha::Attenuate);
+        let error = Scene::build(input, &BuildOptions::default()).unwrap_err();
+        assert!(matches!(error, SceneError::Empty { .. }), "{error}");
     }
 }

@@ -19,7 +19,7 @@ pub(super) struct Map {
     /// Number of the image in the [`Bank`].
     pub(super) image: usize,
     /// Number of the set of texture coordinates.
-    pub(super) set: usize,
+    pub(super) set: u32,
     /// Applied to the coordinates before the lookup.
     pub(super) transform: UvTransform,
     /// Repetition along u and v.
@@ -135,7 +135,7 @@ impl Loaded {
 
     /// The surface of a face: `uv` gives its corners in a set of texture coordinates (`None`: it has none, and the
     /// mean of the whole texture stands in), `colour` is its mean vertex colour and alpha.
-    pub(super) fn surface(&self, uv: impl Fn(usize) -> Option<[DVec2; 3]>, colour: Option<[f64; 4]>) -> Surface {
+    pub(super) fn surface(&self, uv: impl Fn(u32) -> Option<[DVec2; 3]>, colour: Option<[f64; 4]>) -> Surface {
         let look = &self.look;
         let mean = |texture: &Option<(Map, Rc<Grid>)>| {
             texture.as_ref().map(|(map, grid)| match uv(map.set) {

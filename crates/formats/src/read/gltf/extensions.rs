@@ -1,9 +1,9 @@
 //! Versions and extensions: what is required but not read is an error with a remedy, what is merely used and not
 //! read is a note.
 
-use super::schema::Root;
 use crate::read::error::{ReadError, brief};
 use crate::read::issue;
+use gltf::json::Root;
 use isolux_core::scene::{Issue, IssueKind, Severity};
 
 /// Read and given meaning.

@@ -1,14 +1,17 @@
 //! Materials: glTF's factors and textures come in, [`Look`]s go out, with an issue for all that is assumed.
 
 use super::container::Document;
-use super::nodes::reference;
-use super::schema::{Material, TextureInfo};
+use super::nodes;
 use crate::read::error::{ReadError, brief, clean};
 use crate::read::look::{Coverage, Look, Map, UvTransform};
 use crate::read::names::Names;
 use crate::read::texture::Bank;
 use crate::read::{ReadOptions, files, issue};
 use glam::DVec2;
+use gltf::json::Material;
+use gltf::json::material::AlphaMode;
+use gltf::json::texture::{Info, Sampler, WrappingMode};
+use gltf::json::validation::Checked;
 use isolux_core::scene::{Issue, IssueKind, Severity, Wrap};
 use isolux_core::units::Rgb;
 use std::f64::consts::PI;
@@ -26,12 +29,14 @@ pub(super) struct Entry {
 /// All materials of the file, in its order, and glTF's default one last.
 pub(super) fn all(document: &Document<'_>, options: &ReadOptions) -> Result<Vec<Entry>, ReadError> {
     let mut names = Names::default();
-    let mut entries = Vec::with_capacity(document.root.materials.len() + 1);
-    for (index, material) in document.root.materials.iter().enumerate() {
+    let mut entries = Vec::with_capacity(document.root().materials.len() + 1);
+    for (index, material) in document.root().materials.iter().enumerate() {
         let name = names.unique(material.name.as_deref(), || format!("material {index}"));
-        entries.push(entry(document, options, name, material)?);
+        let says_metallic = !document.extra.without_metallic.get(index).copied().unwrap_or(true);
+        entries.push(entry(document, options, name, material, says_metallic)?);
     }
-    let mut default = entry(document, options, names.unique(Some("default"), String::new), &Material::default())?;
+    let mut default =
+        entry(document, options, names.unique(Some("default"), String::new), &Material::default(), false)?;
     let message = "faces without a material get glTF's default one: white, metallic taken as diffuse reflectance 1";
     default.notes = vec![issue(Severity::Warning, IssueKind::Assumed, &default.name, message)];
     entries.push(default);
@@ -43,46 +48,43 @@ fn entry(
     options: &ReadOptions,
     name: String,
     material: &Material,
+    says_metallic: bool,
 ) -> Result<Entry, ReadError> {
     let mut notes = Vec::new();
     let mut note = |severity, kind, message: &str| notes.push(issue(severity, kind, &name, message));
     let pbr = &material.pbr_metallic_roughness;
-    let extensions = &material.extensions;
-    let (factor, texture) = match &extensions.specular_glossiness {
-        Some(specular) => (specular.diffuse_factor, &specular.diffuse_texture),
-        None => (pbr.base_color_factor, &pbr.base_color_texture),
+    let extensions = material.extensions.clone().unwrap_or_default();
+    let (factor, texture) = match &extensions.pbr_specular_glossiness {
+        Some(specular) => (specular.diffuse_factor.0, &specular.diffuse_texture),
+        None => (pbr.base_color_factor.0, &pbr.base_color_texture),
     };
-    let [r, g, b, alpha] = factor.unwrap_or([1.0; 4]);
-    let map = |info: &Option<TextureInfo>| match info {
+    let [r, g, b, alpha] = factor.map(f64::from);
+    let map = |info: &Option<Info>| match info {
         Some(info) => texture_map(document, &name, info),
         None => Ok(None),
     };
 
     if extensions.unlit.is_some() {
         note(Severity::Note, IssueKind::Assumed, "unlit (KHR_materials_unlit): base colour is taken as reflectance");
-    } else if extensions.specular_glossiness.is_none() {
-        match pbr.metallic_factor {
-            None => note(
-                Severity::Note,
-                IssueKind::Assumed,
-                "metallicFactor is absent, which means 1: base colour is taken as diffuse reflectance all the same",
-            ),
-            Some(metallic) if metallic > 0.0 => note(
-                Severity::Warning,
-                IssueKind::Assumed,
-                &format!("metallicFactor is {metallic}: base colour is taken as diffuse reflectance all the same"),
-            ),
-            Some(_) => {}
+    } else if extensions.pbr_specular_glossiness.is_none() {
+        let metallic = pbr.metallic_factor.0;
+        let taken = "base colour is taken as diffuse reflectance all the same";
+        if !says_metallic {
+            let message = format!("metallicFactor is absent, which means 1: {taken}");
+            note(Severity::Note, IssueKind::Assumed, &message);
+        } else if metallic > 0.0 {
+            note(Severity::Warning, IssueKind::Assumed, &format!("metallicFactor is {metallic}: {taken}"));
         }
     }
 
-    let coverage = match material.alpha_mode.as_deref() {
-        None | Some("OPAQUE") => Coverage::Opaque,
-        Some("MASK") => Coverage::Mask(material.alpha_cutoff.unwrap_or(0.5)),
-        Some("BLEND") => Coverage::Blend,
-        Some(other) => {
-            let message = format!("alphaMode {} is unknown: taken as OPAQUE", brief(other));
-            note(Severity::Warning, IssueKind::Assumed, &message);
+    let coverage = match material.alpha_mode {
+        Checked::Valid(AlphaMode::Opaque) => Coverage::Opaque,
+        Checked::Valid(AlphaMode::Mask) => {
+            Coverage::Mask(material.alpha_cutoff.map_or(0.5, |cutoff| f64::from(cutoff.0)))
+        }
+        Checked::Valid(AlphaMode::Blend) => Coverage::Blend,
+        Checked::Invalid => {
+            note(Severity::Warning, IssueKind::Assumed, "alphaMode is none of glTF's: taken as OPAQUE");
             Coverage::Opaque
         }
     };
@@ -93,7 +95,7 @@ fn entry(
         note(Severity::Warning, IssueKind::Assumed, &message);
     }
     let transmission = extensions.transmission.as_ref();
-    let transmitted = transmission.map_or(0.0, |transmission| transmission.transmission_factor);
+    let transmitted = transmission.map_or(0.0, |transmission| f64::from(transmission.transmission_factor.0));
     if transmitted > 0.0 {
         let message = match coverage {
             Coverage::Mask(_) => "transmission is attenuation by the mask only: a material with alphaMode MASK",
@@ -102,8 +104,8 @@ fn entry(
         note(Severity::Note, IssueKind::Assumed, message);
     }
 
-    let strength = extensions.emissive_strength.as_ref().and_then(|emissive| emissive.emissive_strength).unwrap_or(1.0);
-    let emission = Rgb(material.emissive_factor.unwrap_or([0.0; 3])) * (PI * strength * options.emission_scale);
+    let strength = extensions.emissive_strength.map_or(1.0, |emissive| f64::from(emissive.emissive_strength.0));
+    let emission = Rgb(material.emissive_factor.0.map(f64::from)) * (PI * strength * options.emission_scale);
     let look = Look {
         base: Rgb([r, g, b]),
         alpha,
@@ -121,53 +123,51 @@ fn entry(
 }
 
 /// Where a texture reference leads; `None` where the texture has no image that is read.
-fn texture_map(document: &Document<'_>, material: &str, info: &TextureInfo) -> Result<Option<Map>, ReadError> {
-    let root = &document.root;
+fn texture_map(document: &Document<'_>, material: &str, info: &Info) -> Result<Option<Map>, ReadError> {
     let owner = || format!("material '{}'", brief(material));
-    let texture = root
-        .textures
-        .get(info.index)
-        .ok_or_else(|| reference(document, owner(), "texture", info.index, root.textures.len()))?;
-    let webp = texture.extensions.webp.as_ref().and_then(|webp| webp.source);
-    let Some(image) = webp.or(texture.source) else { return Ok(None) };
-    if image >= root.images.len() {
-        return Err(reference(document, owner(), "image", image, root.images.len()));
+    let texture = nodes::entry(document, owner, "texture", info.index)?;
+    let others = texture.extensions.as_ref().and_then(|extensions| extensions.others.get("EXT_texture_webp"));
+    let webp = others.and_then(|webp| webp["source"].as_u64()).map(|source| source as usize);
+    let image = webp.unwrap_or(texture.source.value());
+    // How the crate says that a texture has no source.
+    if image == u32::MAX as usize {
+        return Ok(None);
     }
-    let sampler = match texture.sampler {
-        Some(index) => Some(
-            root.samplers
-                .get(index)
-                .ok_or_else(|| reference(document, owner(), "sampler", index, root.samplers.len()))?,
-        ),
+    let images = document.root().images.len();
+    if image >= images {
+        return Err(nodes::reference(document, owner(), "image", image, images));
+    }
+    let sampler: Option<&Sampler> = match texture.sampler {
+        Some(index) => Some(nodes::entry(document, owner, "sampler", index)?),
         None => None,
     };
-    let wrap = |mode: Option<u64>| match mode {
-        Some(33_071) => Wrap::Clamp,
-        Some(33_648) => Wrap::Mirror,
+    let wrap = |mode: Option<Checked<WrappingMode>>| match mode {
+        Some(Checked::Valid(WrappingMode::ClampToEdge)) => Wrap::Clamp,
+        Some(Checked::Valid(WrappingMode::MirroredRepeat)) => Wrap::Mirror,
         _ => Wrap::Repeat,
     };
-    let transform = info.extensions.transform.as_ref();
+    let transform = info.extensions.as_ref().and_then(|extensions| extensions.texture_transform.as_ref());
     Ok(Some(Map {
         image,
         set: transform.and_then(|transform| transform.tex_coord).unwrap_or(info.tex_coord),
         transform: transform.map_or(UvTransform::IDENTITY, |transform| {
-            let scale = DVec2::from_array(transform.scale.unwrap_or([1.0; 2]));
-            let (sin, cos) = transform.rotation.unwrap_or(0.0).sin_cos();
+            let scale = DVec2::from_array(transform.scale.0.map(f64::from));
+            let (sin, cos) = f64::from(transform.rotation.0).sin_cos();
             // KHR_texture_transform: translation * rotation * scale. The angle is counter-clockwise seen with v
             // downwards; the listing in the extension's text once turned the other way (KhronosGroup/glTF#1563).
             UvTransform {
                 column_u: DVec2::new(cos, -sin) * scale.x,
                 column_v: DVec2::new(sin, cos) * scale.y,
-                offset: DVec2::from_array(transform.offset.unwrap_or([0.0; 2])),
+                offset: DVec2::from_array(transform.offset.0.map(f64::from)),
             }
         }),
-        wrap: [wrap(sampler.and_then(|sampler| sampler.wrap_s)), wrap(sampler.and_then(|sampler| sampler.wrap_t))],
+        wrap: [wrap(sampler.map(|sampler| sampler.wrap_s)), wrap(sampler.map(|sampler| sampler.wrap_t))],
     }))
 }
 
 /// The images of the file, fetched when wanted.
 pub(super) fn bank<'a>(document: &'a Document<'a>) -> Bank<'a> {
-    let images = &document.root.images;
+    let images = &document.root().images;
     let names = images.iter().enumerate().map(|(index, image)| {
         let file = image.uri.as_deref().filter(|uri| !uri.starts_with("data:"));
         let label = file.or(image.name.as_deref()).map(clean).filter(|name| !name.is_empty());

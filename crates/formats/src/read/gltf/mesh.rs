@@ -1,12 +1,15 @@
 //! Triangles of a mesh: primitives come in, corner indices in file order go out, each known to be in range.
 
-use super::accessor::Accessor;
+use super::accessor::{Accessor, Lookup};
 use super::container::Document;
 use super::extensions::unsupported;
-use super::schema::Primitive;
 use crate::read::error::{ReadError, brief};
 use crate::read::{MAX_FACES, issue};
 use glam::{DVec2, DVec3};
+use gltf::accessor::Dimensions;
+use gltf::json::mesh::{Mode, Primitive, Semantic};
+use gltf::json::validation::Checked;
+use gltf::json::{self, Index};
 use isolux_core::scene::{Issue, IssueKind, Severity, Surface};
 
 /// The triangles of one primitive, and what their material makes of them.
@@ -16,10 +19,10 @@ pub(super) struct Piece<'a> {
     /// The object that showed the mesh first, for messages.
     pub(super) object: String,
     pub(super) triangles: Vec<[u32; 3]>,
-    positions: Accessor<'a>,
-    colours: Option<Accessor<'a>>,
+    positions: Lookup<'a, 3>,
+    colours: Option<Lookup<'a, 4>>,
     /// Sets of texture coordinates, by number.
-    coordinates: Vec<(usize, Accessor<'a>)>,
+    coordinates: Vec<(u32, Lookup<'a, 2>)>,
     /// Base-colour coordinates of each triangle, if the material has such a texture.
     pub(super) uv: Option<Vec<[DVec2; 3]>>,
     /// Surfaces of the triangles: one for each, or none where the material's own stands for all.
@@ -36,7 +39,7 @@ pub(super) fn open<'a>(
 ) -> Result<Vec<Piece<'a>>, ReadError> {
     let mut pieces = Vec::new();
     let mut count = 0;
-    for primitive in &document.root.meshes[mesh].primitives {
+    for primitive in &document.root().meshes[mesh].primitives {
         if let Some(piece) = open_primitive(document, primitive, object, (faces, count), issues)? {
             count += piece.triangles.len();
             pieces.push(piece);
@@ -52,95 +55,86 @@ fn open_primitive<'a>(
     (faces, faces_of_object): (usize, usize),
     issues: &mut Vec<Issue>,
 ) -> Result<Option<Piece<'a>>, ReadError> {
-    let mode = match primitive.mode.unwrap_or(4) {
-        4 => Mode::Triangles,
-        5 => Mode::Strip,
-        6 => Mode::Fan,
-        other => {
-            let what = match other {
-                0 => "points are".to_owned(),
-                1..=3 => "lines are".to_owned(),
-                _ => format!("a primitive of unknown mode {other} is"),
-            };
-            issues.push(issue(
-                Severity::Warning,
-                IssueKind::Ignored,
-                object,
-                format!("{what} ignored: only triangles are surfaces"),
-            ));
-            return Ok(None);
-        }
+    let ignored = match primitive.mode {
+        Checked::Valid(Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan) => None,
+        Checked::Valid(Mode::Points) => Some("points are ignored: only triangles are surfaces"),
+        Checked::Valid(_) => Some("lines are ignored: only triangles are surfaces"),
+        Checked::Invalid => Some("a primitive of unknown mode is ignored: only triangles are surfaces"),
     };
-    let Some(&position) = primitive.attributes.get("POSITION") else {
-        let message = "a primitive without POSITION is ignored";
+    let position = primitive.attributes.get(&Checked::Valid(Semantic::Positions)).copied();
+    let (Checked::Valid(mode), None, Some(position)) = (primitive.mode, ignored, position) else {
+        let message = ignored.unwrap_or("a primitive without POSITION is ignored");
         issues.push(issue(Severity::Warning, IssueKind::Ignored, object, message));
         return Ok(None);
     };
-    let has_data =
-        document.root.accessors.get(position).is_some_and(|json| json.buffer_view.is_some() || json.sparse.is_some());
-    if primitive.extensions.draco.is_some() && !has_data {
+    let is_there = |json: &json::Accessor| json.buffer_view.is_some() || json.sparse.is_some();
+    let compressed =
+        primitive.extensions.as_ref().is_some_and(|known| known.others.contains_key("KHR_draco_mesh_compression"));
+    if compressed && !document.root().get(position).is_some_and(is_there) {
         return Err(unsupported(&document.file, "KHR_draco_mesh_compression"));
     }
 
-    let attribute = |name: &str, accessor: usize, widths: &[usize]| {
-        Accessor::open(document, accessor, widths).map_err(|reason| ReadError::Accessor {
-            file: document.file.clone(),
-            object: brief(object),
-            what: format!("{name} (accessor {accessor})"),
-            reason: brief(&reason),
-        })
+    let at_fault = |name: &str, index: Index<json::Accessor>, reason: String| ReadError::Accessor {
+        file: document.file.clone(),
+        object: brief(object),
+        what: format!("{name} (accessor {index})"),
+        reason: brief(&reason),
     };
-    let positions = attribute("POSITION", position, &[3])?;
+    let open = |name: &str, index, expected: &[Dimensions]| {
+        Accessor::open(document, index, expected).map_err(|reason| at_fault(name, index, reason))
+    };
+    let positions = open("POSITION", position, &[Dimensions::Vec3])?;
     let vertices = positions.count;
     // Attributes of a primitive have one count (glTF 2.0, 3.7.2.1): a shorter one could not be looked up.
-    let same_count = |name: &str, accessor: Accessor<'a>| {
+    let attribute = |name: &str, index, expected: &[Dimensions]| {
+        let accessor = open(name, index, expected)?;
         if accessor.count == vertices {
             return Ok(accessor);
         }
-        Err(ReadError::Accessor {
-            file: document.file.clone(),
-            object: brief(object),
-            what: name.to_owned(),
-            reason: format!("{} elements for {vertices} vertices", accessor.count),
-        })
+        Err(at_fault(name, index, format!("{} elements for {vertices} vertices", accessor.count)))
     };
-    let colours = match primitive.attributes.get("COLOR_0") {
-        Some(&accessor) => Some(same_count("COLOR_0", attribute("COLOR_0", accessor, &[3, 4])?)?),
-        None => None,
-    };
+    let mut colours: Option<Lookup<'a, 4>> = None;
     let mut coordinates = Vec::new();
-    for (name, &accessor) in &primitive.attributes {
-        if let Some(set) = name.strip_prefix("TEXCOORD_").and_then(|set| set.parse().ok()) {
-            let name = brief(name);
-            coordinates.push((set, same_count(&name, attribute(&name, accessor, &[2])?)?));
+    for (semantic, &index) in &primitive.attributes {
+        match semantic {
+            Checked::Valid(Semantic::Colors(0)) => {
+                let accessor = attribute("COLOR_0", index, &[Dimensions::Vec3, Dimensions::Vec4])?;
+                colours = Some(if accessor.dimensions == Dimensions::Vec4 {
+                    accessor.vectors()
+                } else {
+                    let colour = accessor.vectors::<3>();
+                    Box::new(move |vertex| {
+                        let [r, g, b] = colour(vertex);
+                        [r, g, b, 1.0]
+                    })
+                });
+            }
+            Checked::Valid(Semantic::TexCoords(set)) => {
+                let accessor = attribute(&format!("TEXCOORD_{set}"), index, &[Dimensions::Vec2])?;
+                coordinates.push((*set, accessor.vectors()));
+            }
+            _ => {}
         }
     }
 
     let indices = match primitive.indices {
         None => None,
-        Some(accessor) => {
-            let indices = attribute("indices", accessor, &[1])?;
-            if !indices.is_unsigned() {
-                return Err(ReadError::Accessor {
-                    file: document.file.clone(),
-                    object: brief(object),
-                    what: format!("indices (accessor {accessor})"),
-                    reason: "indices must be unsigned".to_owned(),
-                });
-            }
-            Some(indices)
-        }
+        Some(index) => Some((index, open("indices", index, &[Dimensions::Scalar])?)),
     };
-    let corners = indices.as_ref().map_or(vertices, |indices| indices.count);
-    let count = mode.triangles(corners);
+    let corners = indices.as_ref().map_or(vertices, |(_, indices)| indices.count);
+    let count = if mode == Mode::Triangles { corners / 3 } else { corners.saturating_sub(2) };
     if faces + faces_of_object + count > MAX_FACES {
         return Err(too_many(document, object, faces + faces_of_object + count));
     }
+    let indices = match indices {
+        None => None,
+        Some((index, indices)) => Some(indices.indices().map_err(|reason| at_fault("indices", index, reason))?),
+    };
     let mut triangles = Vec::with_capacity(count);
     for triangle in 0..count {
         let mut vertex = [0_u32; 3];
-        for (place, corner) in mode.corners(triangle).into_iter().enumerate() {
-            let index = indices.as_ref().map_or(corner as u32, |indices| indices.index(corner));
+        for (place, corner) in corners_of(mode, triangle).into_iter().enumerate() {
+            let index = indices.as_ref().map_or(corner as u32, |indices| indices[corner]);
             if index as usize >= vertices {
                 return Err(ReadError::Index {
                     file: document.file.clone(),
@@ -156,10 +150,10 @@ fn open_primitive<'a>(
         triangles.push(vertex);
     }
     Ok(Some(Piece {
-        material: primitive.material,
+        material: primitive.material.map(|material| material.value()),
         object: object.to_owned(),
         triangles,
-        positions,
+        positions: positions.vectors(),
         colours,
         coordinates,
         uv: None,
@@ -175,17 +169,17 @@ pub(super) fn too_many(document: &Document<'_>, object: &str, count: usize) -> R
 impl Piece<'_> {
     /// Position of a vertex in the mesh.
     pub(super) fn position(&self, vertex: u32) -> DVec3 {
-        DVec3::from_array(self.positions.vector(vertex as usize, 0.0))
+        DVec3::from_array((self.positions)(vertex as usize))
     }
 
     /// Corners of a triangle in a set of texture coordinates.
-    pub(super) fn coordinates(&self, set: usize, triangle: [u32; 3]) -> Option<[DVec2; 3]> {
-        let (_, accessor) = self.coordinates.iter().find(|(number, _)| *number == set)?;
-        Some(triangle.map(|vertex| DVec2::from_array(accessor.vector(vertex as usize, 0.0))))
+    pub(super) fn coordinates(&self, set: u32, triangle: [u32; 3]) -> Option<[DVec2; 3]> {
+        let (_, lookup) = self.coordinates.iter().find(|(number, _)| *number == set)?;
+        Some(triangle.map(|vertex| DVec2::from_array(lookup(vertex as usize))))
     }
 
     /// Has the primitive this set of texture coordinates?
-    pub(super) fn has_coordinates(&self, set: usize) -> bool {
+    pub(super) fn has_coordinates(&self, set: u32) -> bool {
         self.coordinates.iter().any(|(number, _)| *number == set)
     }
 
@@ -199,35 +193,18 @@ impl Piece<'_> {
         let colours = self.colours.as_ref()?;
         let mut mean = [0.0; 4];
         for vertex in triangle {
-            let colour: [f64; 4] = colours.vector(vertex as usize, 1.0);
+            let colour = colours(vertex as usize);
             (0..4).for_each(|band| mean[band] += colour[band].clamp(0.0, 1.0) / 3.0);
         }
         Some(mean)
     }
 }
 
-/// How corners make triangles.
-#[derive(Clone, Copy)]
-enum Mode {
-    Triangles,
-    Strip,
-    Fan,
-}
-
-impl Mode {
-    fn triangles(self, corners: usize) -> usize {
-        match self {
-            Mode::Triangles => corners / 3,
-            Mode::Strip | Mode::Fan => corners.saturating_sub(2),
-        }
-    }
-
-    /// The corners of a triangle, in the order of glTF 2.0, 3.7.2.1.
-    fn corners(self, i: usize) -> [usize; 3] {
-        match self {
-            Mode::Triangles => [3 * i, 3 * i + 1, 3 * i + 2],
-            Mode::Strip => [i, i + 1 + i % 2, i + 2 - i % 2],
-            Mode::Fan => [i + 1, i + 2, 0],
-        }
+/// The corners of a triangle, in the order of glTF 2.0, 3.7.2.1.
+fn corners_of(mode: Mode, i: usize) -> [usize; 3] {
+    match mode {
+        Mode::TriangleStrip => [i, i + 1 + i % 2, i + 2 - i % 2],
+        Mode::TriangleFan => [i + 1, i + 2, 0],
+        _ => [3 * i, 3 * i + 1, 3 * i + 2],
     }
 }

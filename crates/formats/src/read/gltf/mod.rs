@@ -1,5 +1,5 @@
-//! glTF 2.0 and GLB: container, nodes, meshes and materials become a [`SceneInput`]; every index, offset and length
-//! is checked before it is used.
+//! glTF 2.0 and GLB: container, nodes, meshes and materials become a [`SceneInput`]; the `gltf` crate
+//! parses and decodes, and every index, offset and length is checked before it is used.
 
 mod accessor;
 mod container;
@@ -7,7 +7,6 @@ mod extensions;
 mod material;
 mod mesh;
 mod nodes;
-mod schema;
 
 pub(super) use container::{MAGIC, looks_like_json};
 
@@ -30,12 +29,12 @@ type Meshes<'a> = BTreeMap<usize, Vec<Piece<'a>>>;
 pub(super) fn read(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<SceneInput, ReadError> {
     let document = container::open(path, bytes)?;
     let mut scene = SceneInput { metres_per_unit: options.metres_per_unit.unwrap_or(1.0), ..SceneInput::default() };
-    scene.issues = extensions::notes(&document.file, &document.root);
+    scene.issues = extensions::notes(&document.file, document.root());
     let walk = nodes::walk(&document)?;
     scene.issues.extend(walk.issues);
     scene.cameras = walk.cameras;
-    if !document.root.animations.is_empty() {
-        let message = format!("{} animations are ignored", document.root.animations.len());
+    if document.extra.animations > 0 {
+        let message = format!("{} animations are ignored", document.extra.animations);
         scene.issues.push(issue(Severity::Note, IssueKind::Ignored, &document.file, message));
     }
 
@@ -180,7 +179,7 @@ fn dress_piece(piece: &mut Piece<'_>, loaded: &Loaded, material: &str, scene: &m
 
 /// Puts the faces of all instances into the scene, in file order.
 fn place(document: &Document<'_>, instances: &[Instance], meshes: &Meshes<'_>, scene: &mut SceneInput) {
-    let default = document.root.materials.len();
+    let default = document.root().materials.len();
     for instance in instances {
         let object = scene.objects.len() as u32;
         scene.objects.push(Object { name: instance.object.clone() });

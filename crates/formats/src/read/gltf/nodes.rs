@@ -2,11 +2,12 @@
 //! depth-first document order.
 
 use super::container::Document;
-use super::schema::{self, Node};
 use crate::read::error::{ReadError, brief, clean};
 use crate::read::issue;
 use crate::read::names::Names;
 use glam::{DMat3, DMat4, DQuat, DVec3};
+use gltf::json::extensions::scene::khr_lights_punctual::Light;
+use gltf::json::{self, Index, Node, Root};
 use isolux_core::scene::{Camera, Issue, IssueKind, Projection, Severity};
 
 /// A mesh as a node shows it.
@@ -29,25 +30,19 @@ pub(super) struct Walk {
 
 /// Walks the default scene (else the first; else all nodes that are nobody's child).
 pub(super) fn walk(document: &Document<'_>) -> Result<Walk, ReadError> {
-    let root = &document.root;
+    let root = document.root();
     let mut walk = Walk::default();
-    let roots = match (root.scene, root.scenes.first()) {
-        (Some(index), _) => {
-            let scene = root
-                .scenes
-                .get(index)
-                .ok_or_else(|| reference(document, "the file".to_owned(), "scene", index, root.scenes.len()))?;
-            scene.nodes.clone()
-        }
+    let roots: Vec<Index<Node>> = match (root.scene, root.scenes.first()) {
+        (Some(index), _) => entry(document, || "the file".to_owned(), "scene", index)?.nodes.clone(),
         (None, Some(first)) => first.nodes.clone(),
         (None, None) => {
             let mut is_child = vec![false; root.nodes.len()];
-            for &child in root.nodes.iter().flat_map(|node| &node.children) {
-                if let Some(flag) = is_child.get_mut(child) {
+            for child in root.nodes.iter().filter_map(|node| node.children.as_ref()).flatten() {
+                if let Some(flag) = is_child.get_mut(child.value()) {
                     *flag = true;
                 }
             }
-            (0..root.nodes.len()).filter(|&index| !is_child[index]).collect()
+            (0..root.nodes.len()).filter(|&index| !is_child[index]).map(|index| Index::new(index as u32)).collect()
         }
     };
     if root.scenes.len() > 1 {
@@ -58,33 +53,33 @@ pub(super) fn walk(document: &Document<'_>) -> Result<Walk, ReadError> {
 
     let (mut objects, mut cameras) = (Names::default(), Names::default());
     let mut visited = vec![false; root.nodes.len()];
-    let mut repeated = 0_usize;
+    let mut repeated: Vec<usize> = Vec::new();
     // Depth-first with a stack of its own: a chain of a million nodes must not end the program's.
-    let mut stack: Vec<(usize, DMat4)> = roots.iter().rev().map(|&index| (index, DMat4::IDENTITY)).collect();
+    let mut stack: Vec<(Index<Node>, DMat4)> = roots.iter().rev().map(|&index| (index, DMat4::IDENTITY)).collect();
     while let Some((index, parent)) = stack.pop() {
-        let node = root
-            .nodes
-            .get(index)
-            .ok_or_else(|| reference(document, "the node hierarchy".to_owned(), "node", index, root.nodes.len()))?;
+        let node = entry(document, || "the node hierarchy".to_owned(), "node", index)?;
+        let index = index.value();
         if std::mem::replace(&mut visited[index], true) {
-            repeated += 1;
+            repeated.push(index);
             continue;
         }
         let world = parent * local(node);
-        stack.extend(node.children.iter().rev().map(|&child| (child, world)));
+        stack.extend(node.children.iter().flatten().rev().map(|&child| (child, world)));
         if let Some(mesh) = node.mesh {
             walk.mesh(document, index, mesh, world, &mut objects)?;
         }
         if let Some(camera) = node.camera {
             walk.camera(document, index, camera, world, &mut cameras)?;
         }
-        if let Some(light) = &node.extensions.light {
+        if let Some(light) = node.extensions.as_ref().and_then(|extensions| extensions.khr_lights_punctual.as_ref()) {
             walk.light(root, index, light.light);
         }
     }
-    if repeated > 0 {
+    if let Some(&first) = repeated.first() {
         let message = format!(
-            "nodes are reached on more than one way (a cycle, or two parents) {repeated} times: each counts once"
+            "nodes are reached on more than one way (a cycle, or two parents) {} times, first {}: each counts once",
+            repeated.len(),
+            node_name(root, first)
         );
         walk.issues.push(issue(Severity::Warning, IssueKind::Ignored, &document.file, message));
     }
@@ -96,16 +91,13 @@ impl Walk {
         &mut self,
         document: &Document<'_>,
         index: usize,
-        mesh: usize,
+        mesh: Index<json::Mesh>,
         world: DMat4,
         names: &mut Names,
     ) -> Result<(), ReadError> {
-        let root = &document.root;
+        let root = document.root();
         let node = &root.nodes[index];
-        let data = root
-            .meshes
-            .get(mesh)
-            .ok_or_else(|| reference(document, node_name(root, index), "mesh", mesh, root.meshes.len()))?;
+        let data = entry(document, || node_name(root, index), "mesh", mesh)?;
         let label = [&node.name, &data.name].into_iter().flatten().find(|name| !clean(name).is_empty());
         let object = names.unique(label.map(String::as_str), || format!("node {index}"));
         let mut ignored = |severity, what: &str| {
@@ -114,13 +106,14 @@ impl Walk {
         if node.skin.is_some() {
             ignored(Severity::Note, "the skin is ignored: the mesh stands as it was modelled");
         }
-        if data.primitives.iter().any(|primitive| !primitive.targets.is_empty()) {
+        if data.primitives.iter().any(|primitive| primitive.targets.is_some()) {
             ignored(Severity::Note, "morph targets are ignored: the mesh stands as it was modelled");
         }
-        if node.extensions.instancing.is_some() {
+        let extensions = node.extensions.as_ref().map(|extensions| &extensions.others);
+        if extensions.is_some_and(|others| others.contains_key("EXT_mesh_gpu_instancing")) {
             ignored(Severity::Warning, "EXT_mesh_gpu_instancing is ignored: one instance stands for all");
         }
-        self.instances.push(Instance { object, mesh, world });
+        self.instances.push(Instance { object, mesh: mesh.value(), world });
         Ok(())
     }
 
@@ -128,20 +121,17 @@ impl Walk {
         &mut self,
         document: &Document<'_>,
         index: usize,
-        camera: usize,
+        camera: Index<json::Camera>,
         world: DMat4,
         names: &mut Names,
     ) -> Result<(), ReadError> {
-        let root = &document.root;
-        let data = root
-            .cameras
-            .get(camera)
-            .ok_or_else(|| reference(document, node_name(root, index), "camera", camera, root.cameras.len()))?;
+        let root = document.root();
+        let data = entry(document, || node_name(root, index), "camera", camera)?;
         let label = [&root.nodes[index].name, &data.name].into_iter().flatten().find(|name| !clean(name).is_empty());
         let name = names.unique(label.map(String::as_str), || format!("camera {camera}"));
         let projection = match (&data.perspective, &data.orthographic) {
-            (Some(perspective), _) => Some(Projection::Perspective { vertical_angle: perspective.yfov }),
-            (None, Some(orthographic)) => Some(Projection::Orthographic { height: 2.0 * orthographic.ymag }),
+            (Some(perspective), _) => Some(Projection::Perspective { vertical_angle: perspective.yfov.into() }),
+            (None, Some(orthographic)) => Some(Projection::Orthographic { height: 2.0 * f64::from(orthographic.ymag) }),
             (None, None) => None,
         };
         // A camera looks along -z, y up; scale has no meaning for it.
@@ -159,13 +149,15 @@ impl Walk {
         Ok(())
     }
 
-    fn light(&mut self, root: &schema::Root, index: usize, light: usize) {
-        let data = root.extensions.lights.as_ref().and_then(|lights| lights.lights.get(light));
+    fn light(&mut self, root: &Root, index: usize, light: Index<Light>) {
+        let data = root.get(light);
         let label = [root.nodes[index].name.as_ref(), data.and_then(|light| light.name.as_ref())];
         let name = label.into_iter().flatten().find(|name| !clean(name).is_empty()).cloned();
         let name = name.unwrap_or_else(|| format!("light {light}"));
-        let kind = data.map_or("unknown", |light| light.kind.as_str());
-        let message = format!("{} light of KHR_lights_punctual is ignored: only surfaces emit", brief(kind));
+        let kind = data.map_or_else(|| "missing".to_owned(), |light| format!("{:?}", light.type_));
+        // The type is shown as `Valid(Spot)` or `Invalid`.
+        let kind = kind.trim_start_matches("Valid(").trim_end_matches(')').to_ascii_lowercase();
+        let message = format!("{kind} light of KHR_lights_punctual is ignored: only surfaces emit");
         self.issues.push(issue(Severity::Warning, IssueKind::Ignored, &name, message));
     }
 }
@@ -173,17 +165,17 @@ impl Walk {
 /// Transform of a node to its parent.
 fn local(node: &Node) -> DMat4 {
     if let Some(matrix) = node.matrix {
-        return DMat4::from_cols_array(&matrix);
+        return DMat4::from_cols_array(&matrix.map(f64::from));
     }
     let rotation = node.rotation.map_or(DQuat::IDENTITY, |q| {
-        let quaternion = DQuat::from_array(q);
-        // Rounded to f32 in the file, or zero in a hostile one.
+        let quaternion = DQuat::from_array(q.0.map(f64::from));
+        // Rounded to f32, or zero in a hostile file.
         let length = quaternion.length();
         if length > 0.0 && length.is_finite() { quaternion / length } else { DQuat::IDENTITY }
     });
-    let scale = node.scale.map_or(DVec3::ONE, DVec3::from_array);
-    let translation = node.translation.map_or(DVec3::ZERO, DVec3::from_array);
-    DMat4::from_scale_rotation_translation(scale, rotation, translation)
+    let vector =
+        |value: Option<[f32; 3]>, default: f32| DVec3::from_array(value.unwrap_or([default; 3]).map(f64::from));
+    DMat4::from_scale_rotation_translation(vector(node.scale, 1.0), rotation, vector(node.translation, 0.0))
 }
 
 /// Does a transform turn triangles inside out?
@@ -191,11 +183,25 @@ pub(super) fn is_mirrored(world: &DMat4) -> bool {
     DMat3::from_mat4(*world).determinant() < 0.0
 }
 
-fn node_name(root: &schema::Root, index: usize) -> String {
+fn node_name(root: &Root, index: usize) -> String {
     match &root.nodes[index].name {
         Some(name) => format!("node '{}'", brief(name)),
         None => format!("node {index}"),
     }
+}
+
+/// An entry of one of the file's tables; `owner` names it.
+pub(super) fn entry<'a, T>(
+    document: &'a Document<'_>,
+    owner: impl FnOnce() -> String,
+    what: &'static str,
+    index: Index<T>,
+) -> Result<&'a T, ReadError>
+where
+    Root: AsRef<[T]>,
+{
+    let table: &[T] = document.root().as_ref();
+    table.get(index.value()).ok_or_else(|| reference(document, owner(), what, index.value(), table.len()))
 }
 
 /// The error for an index past a table's end.

@@ -1,22 +1,33 @@
-//! MTL material libraries: text comes in, materials as the text has them go out; what their values mean for light
-//! is `obj`'s.
+//! MTL material libraries: text is mended where `tobj` would panic or give up, read by `tobj`, and comes out as the
+//! text has it; what the values mean for light is `obj`'s.
 
 use super::text::{Statement, statements};
 use crate::read::error::{brief, clean};
 use glam::DVec2;
+use std::fmt::Write as _;
 
-/// A material as written; `None` where the text is silent.
+/// A material as written.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Entry {
-    pub(super) name: String,
-    pub(super) diffuse: Option<[f64; 3]>,
-    pub(super) emission: Option<[f64; 3]>,
-    pub(super) dissolve: Option<f64>,
-    pub(super) transparency: Option<f64>,
-    pub(super) diffuse_map: Option<TextureUse>,
-    pub(super) emission_map: Option<TextureUse>,
+    pub(super) material: tobj::Material,
     /// Statements that bear on light and are not read, with the reason.
     pub(super) ignored: Vec<String>,
+}
+
+impl Entry {
+    pub(super) fn opacity(&self) -> Option<f64> {
+        // What `tobj` has no member for.
+        let transparency = || self.material.unknown_param.get("Tr")?.parse::<f64>().ok();
+        self.material.dissolve.or_else(|| transparency().map(|transparency| 1.0 - transparency))
+    }
+
+    pub(super) fn diffuse_map(&self) -> Option<TextureUse> {
+        texture(self.material.diffuse_texture.as_ref()?)
+    }
+
+    pub(super) fn emission_map(&self) -> Option<TextureUse> {
+        texture(self.material.unknown_param.get("map_Ke")?)
+    }
 }
 
 /// A texture statement.
@@ -29,29 +40,51 @@ pub(super) struct TextureUse {
 }
 
 /// The materials of a library, in its order. Values that make no sense are reported with the material.
-pub(super) fn parse(bytes: &[u8]) -> Vec<Entry> {
-    let mut entries: Vec<Entry> = Vec::new();
+pub(super) fn parse(bytes: &[u8]) -> Result<Vec<Entry>, tobj::LoadError> {
+    let (text, mut ignored) = mend(bytes);
+    let (materials, _) = tobj::load_mtl_buf(&mut text.as_bytes())?;
+    ignored.resize(materials.len(), Vec::new());
+    Ok(materials.into_iter().zip(ignored).map(|(material, ignored)| Entry { material, ignored }).collect())
+}
+
+/// What is read of a library, each statement with as many numbers as `tobj` wants; and what was left out of each
+/// material.
+fn mend(bytes: &[u8]) -> (String, Vec<Vec<String>>) {
+    let mut text = String::new();
+    let mut left_out: Vec<Vec<String>> = Vec::new();
+    let mut is_named = false;
     for statement in statements(bytes) {
-        if statement.keyword == "newmtl" {
-            entries.push(Entry { name: clean(statement.rest()), ..Entry::default() });
+        let (keyword, rest) = (statement.keyword.as_str(), statement.rest());
+        if keyword == "newmtl" {
+            let name = clean(rest);
+            is_named = !name.is_empty();
+            if is_named {
+                left_out.push(Vec::new());
+                let _ = writeln!(text, "newmtl {name}");
+            }
             continue;
         }
-        // Statements before the first material belong to none.
-        let Some(entry) = entries.last_mut() else { continue };
-        match statement.keyword.as_str() {
-            "Kd" => entry.diffuse = colour(&statement, &mut entry.ignored),
-            "Ke" => entry.emission = colour(&statement, &mut entry.ignored),
-            "d" => entry.dissolve = number(&statement, &mut entry.ignored),
-            "Tr" => entry.transparency = number(&statement, &mut entry.ignored),
-            "map_Kd" => entry.diffuse_map = texture(statement.rest()),
-            "map_Ke" => entry.emission_map = texture(statement.rest()),
+        // Statements before the first material, and of one without a name, belong to none.
+        let Some(ignored) = left_out.last_mut().filter(|_| is_named) else { continue };
+        // Writing to a string cannot fail.
+        let _ = match keyword {
+            "Kd" | "Ke" => match colour(&statement, ignored) {
+                Some([r, g, b]) => writeln!(text, "{keyword} {r} {g} {b}"),
+                None => continue,
+            },
+            "d" | "Tr" => match number(&statement, ignored) {
+                Some(value) => writeln!(text, "{keyword} {value}"),
+                None => continue,
+            },
+            "map_Kd" | "map_Ke" if !rest.is_empty() => writeln!(text, "{keyword} {rest}"),
             "map_d" | "map_Tr" => {
-                entry.ignored.push(format!("{} is ignored: cut-outs are read from glTF only", statement.keyword));
+                ignored.push(format!("{keyword} is ignored: cut-outs are read from glTF only"));
+                continue;
             }
-            _ => {}
-        }
+            _ => continue,
+        };
     }
-    entries
+    (text, left_out)
 }
 
 /// Three numbers, or one for all three.
@@ -134,10 +167,12 @@ mod tests {
     /// Catches a short or spectral colour that panics, or is taken for black.
     #[test]
     fn odd_colours_are_named() {
-        let entries = parse(b"Kd 1 1 1\nnewmtl a b\nKd 0.5\nKe spectral x.rfl\nd -halo 0.25\nTr x\n");
+        let entries =
+            parse(b"Kd 1\nnewmtl a b\nKd 0.5\nKe spectral x.rfl\nd -halo 0.25\nTr x\nnewmtl\nKd 1\n").unwrap();
         assert_eq!(entries.len(), 1);
-        assert_eq!((entries[0].name.as_str(), entries[0].diffuse), ("a b", Some([0.5; 3])));
-        assert_eq!((entries[0].emission, entries[0].dissolve), (None, Some(0.25)));
+        let material = &entries[0].material;
+        assert_eq!((material.name.as_str(), material.diffuse), ("a b", Some([0.5; 3])));
+        assert_eq!((material.emissive, material.dissolve), (None, Some(0.25)));
         assert!(entries[0].ignored[0].contains("line 4: 'Ke spectral x.rfl'"));
         assert!(entries[0].ignored[1].contains("line 6"));
     }

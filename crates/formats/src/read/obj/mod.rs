@@ -1,27 +1,25 @@
-//! Wavefront OBJ and its MTL libraries become a [`SceneInput`]: polygons of three and four corners are kept, larger
-//! ones cut into triangles.
-//!
-//! Why not the crate `tobj`: it panics on a short `Kd` in a library, takes polylines for polygons, refuses files
-//! whose names are not UTF-8, and its errors have no line; on sound files both agree (`obj_agrees_with_tobj`).
+//! Wavefront OBJ and its MTL libraries become a [`SceneInput`]: `tobj` parses what [`scan`] lets through; polygons of
+//! three and four corners are kept, larger ones cut into triangles.
 
 mod library;
 mod polygon;
+mod scan;
 mod text;
 
 use super::error::{ReadError, brief, clean, display};
 use super::look::{Coverage, Loaded, Look, Map, UvTransform};
 use super::names::Names;
 use super::texture::Bank;
-use super::{MAX_FACES, ReadOptions, files, issue};
+use super::{ReadOptions, files, issue};
 use glam::{DVec2, DVec3};
 use isolux_core::scene::{Face, Issue, IssueKind, Material, Object, SceneInput, Severity, Surface, Texture, Wrap};
 use isolux_core::units::Rgb;
 use library::{Entry, TextureUse};
 use polygon::Cut;
+use scan::Scan;
 use std::collections::HashMap;
 use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
-use text::{Statement, statements};
 
 /// Reflectance where no material says any.
 const DEFAULT_REFLECTANCE: f64 = 0.5;
@@ -29,125 +27,50 @@ const DEFAULT_REFLECTANCE: f64 = 0.5;
 /// Reads an OBJ file that has been loaded.
 pub(super) fn read(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<SceneInput, ReadError> {
     let file = display(path);
-    let stem = path.file_stem().map_or_else(|| "scene".to_owned(), |stem| clean(&stem.to_string_lossy()));
-    let mut reader = Reader::new(file, path.parent().unwrap_or(Path::new("")), stem);
+    let stem = path.file_stem().map(|stem| clean(&stem.to_string_lossy())).filter(|stem| !stem.is_empty());
+    let scan = scan::scan(&file, bytes, stem.as_deref().unwrap_or("scene"))?;
+    let mut reader = Reader { file, ..Reader::default() };
     if options.metres_per_unit.is_none() {
         let message = "OBJ has no unit: coordinates are taken as metres (--units says otherwise)";
         let note = issue(Severity::Note, IssueKind::Assumed, &reader.file, message);
         reader.scene.issues.push(note);
     }
-    for statement in statements(bytes) {
-        reader.statement(&statement)?;
+    for name in &scan.libraries {
+        reader.open_library(path.parent().unwrap_or(Path::new("")), name);
     }
-    reader.finish(options)
+    reader.models(&scan)?;
+    reader.finish(&scan, options)
 }
-
-/// A corner of a face: numbers of its position and of its texture coordinates.
-type Corner = (usize, Option<usize>);
 
 /// What has been read so far.
-struct Reader<'a> {
+#[derive(Default)]
+struct Reader {
     file: String,
-    folder: &'a Path,
     scene: SceneInput,
-    positions: Vec<DVec3>,
-    coordinates: Vec<DVec2>,
-    /// Objects by name: a group may come back.
-    objects: HashMap<String, u32>,
-    /// Faces of each object, for messages.
-    faces: Vec<usize>,
-    object: String,
-    /// Materials that faces use, by name, in order of first use.
+    /// Materials that are asked for, by name, in order of first use; the empty name is that of faces without one.
     used: Vec<String>,
-    numbers: HashMap<String, u32>,
-    material: Option<u32>,
+    /// Materials that libraries define, with the folder that their textures are relative to.
     library: HashMap<String, (Entry, PathBuf)>,
     library_missing: bool,
-    lines: usize,
-    vertex_colours: bool,
 }
 
-impl<'a> Reader<'a> {
-    fn new(file: String, folder: &'a Path, object: String) -> Reader<'a> {
-        Reader {
-            file,
-            folder,
-            scene: SceneInput::default(),
-            positions: Vec::new(),
-            coordinates: Vec::new(),
-            objects: HashMap::new(),
-            faces: Vec::new(),
-            object,
-            used: Vec::new(),
-            numbers: HashMap::new(),
-            material: None,
-            library: HashMap::new(),
-            library_missing: false,
-            lines: 0,
-            vertex_colours: false,
-        }
-    }
-
+impl Reader {
     fn note(&mut self, severity: Severity, kind: IssueKind, object: &str, message: impl Into<String>) {
         self.scene.issues.push(issue(severity, kind, object, message));
     }
 
-    fn syntax(&self, statement: &Statement<'_>, reason: impl Into<String>) -> ReadError {
-        ReadError::Syntax { file: self.file.clone(), line: statement.line, reason: reason.into() }
-    }
-
-    fn statement(&mut self, statement: &Statement<'_>) -> Result<(), ReadError> {
-        match statement.keyword.as_str() {
-            "v" => match statement.numbers()[..] {
-                [x, y, z, ref more @ ..] => {
-                    self.positions.push(DVec3::new(x, y, z));
-                    self.vertex_colours |= more.len() >= 3;
-                }
-                _ => return Err(self.syntax(statement, "a vertex needs three numbers")),
-            },
-            "vt" => match statement.numbers()[..] {
-                // Upwards in OBJ, downwards in a scene (as in glTF).
-                [u, v, ..] => self.coordinates.push(DVec2::new(u, 1.0 - v)),
-                [u] => self.coordinates.push(DVec2::new(u, 1.0)),
-                [] => return Err(self.syntax(statement, "a texture coordinate needs a number")),
-            },
-            "f" => self.face(statement)?,
-            "l" | "p" => self.lines += 1,
-            "o" | "g" => {
-                let name = clean(statement.rest());
-                if !name.is_empty() {
-                    self.object = name;
-                }
-            }
-            "usemtl" => {
-                let name = clean(statement.rest());
-                self.material = Some(self.material_number(name));
-            }
-            "mtllib" => self.open_library(statement.rest()),
-            _ => {}
-        }
-        Ok(())
-    }
-
-    fn material_number(&mut self, name: String) -> u32 {
-        let used = &mut self.used;
-        *self.numbers.entry(name).or_insert_with_key(|name| {
-            used.push(name.clone());
-            used.len() as u32 - 1
-        })
-    }
-
-    fn open_library(&mut self, name: &str) {
+    fn open_library(&mut self, folder: &Path, name: &str) {
         let opened = files::relative(name).and_then(|relative| {
-            let path = self.folder.join(relative);
-            files::read(&path).map(|bytes| (path, bytes))
+            let path = folder.join(relative);
+            let entries = library::parse(&files::read(&path)?).map_err(|error| error.to_string())?;
+            Ok((path, entries))
         });
         match opened {
-            Ok((path, bytes)) => {
+            Ok((path, entries)) => {
                 let folder = path.parent().unwrap_or(Path::new("")).to_owned();
-                for entry in library::parse(&bytes) {
+                for entry in entries {
                     // The first of a name counts, as where libraries are searched in order.
-                    self.library.entry(entry.name.clone()).or_insert_with(|| (entry, folder.clone()));
+                    self.library.entry(entry.material.name.clone()).or_insert_with(|| (entry, folder.clone()));
                 }
             }
             Err(reason) => {
@@ -158,117 +81,117 @@ impl<'a> Reader<'a> {
         }
     }
 
-    fn face(&mut self, statement: &Statement<'_>) -> Result<(), ReadError> {
-        let object = match self.objects.get(&self.object) {
-            Some(&object) => object,
-            None => {
-                let object = self.scene.objects.len() as u32;
-                self.scene.objects.push(Object { name: self.object.clone() });
-                self.objects.insert(self.object.clone(), object);
-                self.faces.push(0);
-                object
-            }
-        };
-        let number = self.faces[object as usize];
-        let mut corners: Vec<Corner> = Vec::with_capacity(4);
-        for word in statement.words() {
-            let mut parts = word.split('/');
-            let position = parts.next().unwrap_or_default();
-            let position = self.resolve(statement, number, position, "vertex", self.positions.len())?;
-            let coordinate = match parts.next().filter(|part| !part.is_empty()) {
-                None => None,
-                Some(part) => {
-                    let count = self.coordinates.len();
-                    Some(self.resolve(statement, number, part, "texture coordinate", count)?)
-                }
-            };
-            corners.push((position, coordinate));
-        }
-        let faces: Vec<Vec<Corner>> = match corners.len() {
-            0..=2 => {
-                self.lines += 1;
-                return Ok(());
-            }
-            3 | 4 => vec![corners],
-            count => {
-                let outline: Vec<DVec3> = corners.iter().map(|&(position, _)| self.positions[position]).collect();
-                let triangles = match polygon::triangulate(&outline) {
-                    Cut::Triangles(triangles) => triangles,
-                    Cut::Fan(triangles) => {
-                        let name = self.object.clone();
-                        let message = format!("face {number}: {count} corners that cross or touch, cut into a fan");
-                        self.note(Severity::Warning, IssueKind::Assumed, &name, message);
-                        triangles
-                    }
-                    Cut::TooManyCorners => {
-                        return Err(ReadError::TooLarge {
-                            file: self.file.clone(),
-                            object: brief(&self.object),
-                            what: "corners of a concave face",
-                            count,
-                            limit: polygon::MAX_CONCAVE,
-                        });
-                    }
-                };
-                triangles.into_iter().map(|triangle| triangle.map(|corner| corners[corner]).to_vec()).collect()
-            }
-        };
-        if self.scene.faces.len() + faces.len() > MAX_FACES {
-            return Err(ReadError::TooLarge {
-                file: self.file.clone(),
-                object: brief(&self.object),
-                what: "faces",
-                count: self.scene.faces.len() + faces.len(),
-                limit: MAX_FACES,
+    /// Has the file parsed, and puts its faces into the scene, in file order.
+    fn models(&mut self, scan: &Scan) -> Result<(), ReadError> {
+        let mut numbers = HashMap::new();
+        for name in &scan.materials {
+            numbers.entry(name.clone()).or_insert_with(|| {
+                self.used.push(name.clone());
+                self.used.len() - 1
             });
         }
-        let material = match self.material {
-            Some(material) => material,
-            None => {
-                let material = self.material_number(String::new());
-                self.material = Some(material);
-                material
+        let all = |_: &Path| Ok((vec![tobj::Material::default(); numbers.len()], numbers.clone()));
+        // The defaults: nothing is triangulated, merged or left out.
+        let (models, _) =
+            tobj::load_obj_buf(&mut scan.text.as_bytes(), &tobj::LoadOptions::default(), all).map_err(|error| {
+                ReadError::Malformed { file: self.file.clone(), format: "OBJ", reason: error.to_string() }
+            })?;
+        let mut objects: HashMap<String, u32> = HashMap::new();
+        let mut faces: Vec<usize> = Vec::new();
+        let mut has_coordinates = scan.has_coordinates.iter();
+        for tobj::Model { mesh, name } in models.iter().filter(|model| !model.mesh.indices.is_empty()) {
+            let object = *objects.entry(name.clone()).or_insert_with(|| {
+                self.scene.objects.push(Object { name: name.clone() });
+                faces.push(0);
+                self.scene.objects.len() as u32 - 1
+            });
+            let material = mesh.material_id.unwrap_or_else(|| {
+                // Faces before the first `usemtl`.
+                let known = self.used.iter().position(String::is_empty);
+                known.unwrap_or_else(|| {
+                    self.used.push(String::new());
+                    self.used.len() - 1
+                })
+            });
+            // No arities: all are triangles.
+            let arity = |face: usize| mesh.face_arities.get(face).map_or(3, |&arity| arity as usize);
+            let (mut face, mut first) = (0, 0);
+            while first < mesh.indices.len() {
+                let corners = first..first + arity(face);
+                (face, first) = (face + 1, corners.end);
+                let position = |&index: &u32| DVec3::from_slice(&mesh.positions[3 * index as usize..]);
+                let outline: Vec<DVec3> = mesh.indices[corners.clone()].iter().map(position).collect();
+                // Upwards in OBJ, downwards in a scene (as in glTF).
+                let coordinate = |&index: &u32| {
+                    let uv = DVec2::from_slice(&mesh.texcoords[2 * index as usize..]);
+                    DVec2::new(uv.x, 1.0 - uv.y)
+                };
+                // Where a corner has none, `tobj` makes one up.
+                let has_coordinates = has_coordinates.next().copied().unwrap_or(false);
+                let uv: Option<Vec<DVec2>> =
+                    has_coordinates.then(|| mesh.texcoord_indices[corners].iter().map(coordinate).collect());
+                let made = self.face(&outline, uv.as_deref(), object, material as u32, faces[object as usize])?;
+                faces[object as usize] += made;
             }
-        };
-        self.faces[object as usize] += faces.len();
-        for corners in faces {
-            let uv: Option<Vec<DVec2>> =
-                corners.iter().map(|&(_, coordinate)| coordinate.map(|index| self.coordinates[index])).collect();
-            let corners = corners.iter().map(|&(position, _)| self.positions[position]).collect();
-            self.scene.faces.push(Face { object, material, corners, uv, surface: None });
         }
         Ok(())
     }
 
-    /// An index as a file gives it (from 1, or back from the last) as one from 0.
-    fn resolve(
-        &self,
-        statement: &Statement<'_>,
-        face: usize,
-        text: &str,
-        what: &'static str,
-        count: usize,
+    /// Adds a polygon; how many faces it makes. `number` is the first one's in its object.
+    fn face(
+        &mut self,
+        outline: &[DVec3],
+        uv: Option<&[DVec2]>,
+        object: u32,
+        material: u32,
+        number: usize,
     ) -> Result<usize, ReadError> {
-        let index: i64 = text
-            .parse()
-            .map_err(|_| self.syntax(statement, format!("'{}' is not the number of a {what}", brief(text))))?;
-        let resolved = if index < 0 { index.checked_add(count as i64) } else { index.checked_sub(1) };
-        match resolved.and_then(|resolved| usize::try_from(resolved).ok()).filter(|&resolved| resolved < count) {
-            Some(resolved) => Ok(resolved),
-            None => {
-                Err(ReadError::Index { file: self.file.clone(), object: brief(&self.object), face, what, index, count })
+        let mut add = |corners: &[usize]| {
+            self.scene.faces.push(Face {
+                object,
+                material,
+                corners: corners.iter().map(|&corner| outline[corner]).collect(),
+                uv: uv.map(|uv| corners.iter().map(|&corner| uv[corner]).collect()),
+                surface: None,
+            });
+        };
+        let count = outline.len();
+        let (triangles, is_fan) = match count {
+            3 | 4 => {
+                add(&[0, 1, 2, 3][..count]);
+                return Ok(1);
             }
+            _ => match polygon::triangulate(outline) {
+                Cut::Triangles(triangles) => (triangles, false),
+                Cut::Fan(triangles) => (triangles, true),
+                Cut::TooManyCorners => {
+                    return Err(ReadError::TooLarge {
+                        file: self.file.clone(),
+                        object: brief(&self.scene.objects[object as usize].name),
+                        what: "corners of a concave face",
+                        count,
+                        limit: polygon::MAX_CONCAVE,
+                    });
+                }
+            },
+        };
+        triangles.iter().for_each(|triangle| add(triangle));
+        if is_fan {
+            let name = self.scene.objects[object as usize].name.clone();
+            let message = format!("face {number}: {count} corners that cross or touch, cut into a fan");
+            self.note(Severity::Warning, IssueKind::Assumed, &name, message);
         }
+        Ok(triangles.len())
     }
 
     /// Gives the scene its materials, and faces under textures their surfaces.
-    fn finish(mut self, options: &ReadOptions) -> Result<SceneInput, ReadError> {
+    fn finish(mut self, scan: &Scan, options: &ReadOptions) -> Result<SceneInput, ReadError> {
         self.scene.metres_per_unit = options.metres_per_unit.unwrap_or(1.0);
-        if self.lines > 0 {
-            let (file, message) = (self.file.clone(), format!("{} points and lines are ignored", self.lines));
+        if scan.lines > 0 {
+            let (file, message) = (self.file.clone(), format!("{} points and lines are ignored", scan.lines));
             self.note(Severity::Note, IssueKind::Ignored, &file, message);
         }
-        if self.vertex_colours {
+        if scan.vertex_colours {
             let file = self.file.clone();
             self.note(Severity::Note, IssueKind::Ignored, &file, "vertex colours are ignored: OBJ defines none");
         }
@@ -289,20 +212,21 @@ impl<'a> Reader<'a> {
                 if is_used {
                     self.undefined(&name);
                 }
-                (Entry { diffuse: Some([DEFAULT_REFLECTANCE; 3]), ..Entry::default() }, PathBuf::new())
+                let grey = tobj::Material { diffuse: Some([DEFAULT_REFLECTANCE; 3]), ..tobj::Material::default() };
+                (Entry { material: grey, ignored: Vec::new() }, PathBuf::new())
             });
             let name = unique.unique(Some(&name), || "default".to_owned());
             if is_used {
                 for message in entry.ignored.iter().take(8) {
                     self.note(Severity::Warning, IssueKind::Ignored, &name, message.clone());
                 }
-                if entry.diffuse.is_none() && entry.diffuse_map.is_none() {
+                if entry.material.diffuse.is_none() && entry.diffuse_map().is_none() {
                     let message = format!("Kd is absent: reflectance {DEFAULT_REFLECTANCE} is assumed");
                     self.note(Severity::Note, IssueKind::Assumed, &name, message);
                 }
             }
-            let mut map = |texture: &Option<TextureUse>| {
-                let texture = texture.as_ref()?;
+            let mut map = |texture: Option<TextureUse>| {
+                let texture = texture?;
                 // A path that is refused is found out when it is fetched.
                 let path = files::relative(&texture.path).map(|path| folder.join(path)).unwrap_or_default();
                 let known = paths.iter().zip(&names).position(|(old, name)| *old == path && *name == texture.path);
@@ -311,10 +235,10 @@ impl<'a> Reader<'a> {
                     names.push(texture.path.clone());
                     paths.len() - 1
                 });
-                Some(Map { image, set: 0, transform: transform(texture), wrap: [wrap(texture); 2] })
+                Some(Map { image, set: 0, transform: transform(&texture), wrap: [wrap(&texture); 2] })
             };
-            let base_map = map(&entry.diffuse_map).filter(|_| is_used);
-            let emission_map = map(&entry.emission_map).filter(|_| is_used);
+            let base_map = map(entry.diffuse_map()).filter(|_| is_used);
+            let emission_map = map(entry.emission_map()).filter(|_| is_used);
             looks.push((name, look(&entry, base_map, emission_map, options)));
         }
 
@@ -381,13 +305,12 @@ impl<'a> Reader<'a> {
 
 /// What a library's values mean for light.
 fn look(entry: &Entry, base_map: Option<Map>, emission_map: Option<Map>, options: &ReadOptions) -> Look {
-    let opacity = entry.dissolve.or(entry.transparency.map(|transparency| 1.0 - transparency)).unwrap_or(1.0);
-    let without = if entry.diffuse_map.is_some() { 1.0 } else { DEFAULT_REFLECTANCE };
+    let without = if entry.diffuse_map().is_some() { 1.0 } else { DEFAULT_REFLECTANCE };
     // A map without a factor stands for itself.
-    let emission = entry.emission.or(entry.emission_map.as_ref().map(|_| [1.0; 3])).unwrap_or([0.0; 3]);
+    let emission = entry.material.emissive.or(entry.emission_map().map(|_| [1.0; 3])).unwrap_or([0.0; 3]);
     Look {
-        base: Rgb(entry.diffuse.unwrap_or([without; 3])),
-        alpha: opacity,
+        base: Rgb(entry.material.diffuse.unwrap_or([without; 3])),
+        alpha: entry.opacity().unwrap_or(1.0),
         base_map,
         // A texture's alpha is not opacity in MTL: `alpha` alone is.
         coverage: Coverage::Factor,
