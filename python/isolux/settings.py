@@ -33,6 +33,14 @@ class Settings:
         epsilons that are None.
     bf_epsilon
         Links carry at most this share of the scene's mean irradiance.
+    partial_weight
+        Links whose visibility is only sampled, and below 1, count this many times what they carry; 1 is
+        the paper's rule.
+    partial_form_factor
+        Links that see each other partly are refined down to this form factor, however dim; 1 is the
+        paper's rule.
+    emission_weight
+        A source's emission counts this many times what it reflects; 1 is the paper's rule.
     area_epsilon
         Elements below this share of the scene's area are not split.
     energy_epsilon
@@ -43,11 +51,16 @@ class Settings:
         ``"lambert"`` (closed form) or ``"disks"`` (four points to four disks).
     rays
         Rays per visibility, 16 or 256.
+    weighting
+        What each ray counts for: ``"carried"``, what it would carry, or ``"equal"``.
     order
         Insertion in the BSP tree: ``"as-given"``, ``"largest-first"``, ``"random"`` (by `seed`) or
         ``"random:7"`` (by a seed of its own).
     roots
         Roots of the quadtrees: ``"polygons"``, or the BSP tree's ``"fragments"``.
+    interpolation
+        How vertices get their values: ``"gathered"`` over the links of their leaf, or ``"averaged"``
+        from the leaves around them.
     seed
         Seed of every pseudo-random choice.
     max_iterations
@@ -63,13 +76,18 @@ class Settings:
 
     error: float = 0.05
     bf_epsilon: float | None = None
+    partial_weight: float = 4.0
+    partial_form_factor: float = 0.02
+    emission_weight: float = 0.1
     area_epsilon: float | None = None
     energy_epsilon: float | None = None
     update: Literal["in-place", "jacobi"] = "in-place"
     form_factor: Literal["lambert", "disks"] = "lambert"
     rays: Literal[16, 256] = 16
+    weighting: Literal["carried", "equal"] = "carried"
     order: str = "as-given"
     roots: Literal["polygons", "fragments"] = "polygons"
+    interpolation: Literal["gathered", "averaged"] = "gathered"
     seed: int = 0
     max_iterations: int = 100
     threads: int = 0

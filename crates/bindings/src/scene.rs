@@ -97,7 +97,7 @@ impl Scene {
             let corners = corners.iter().map(corner).collect::<PyResult<Vec<DVec3>>>()?;
             input.faces.push(Face { object, material, corners, uv: None, surface: None });
         }
-        input.objects = names.into_iter().map(|name| Object { name, ..Object::default() }).collect();
+        input.objects = names.into_iter().map(|name| Object { name }).collect();
         input.materials = materials
             .into_iter()
             .map(|(name, reflectance, emission, two_sided, opacity)| Material {

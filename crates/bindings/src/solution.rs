@@ -264,7 +264,10 @@ impl Solution {
         if let Some(&face) = faces.iter().find(|&&face| usize::try_from(face).map_or(true, |face| face >= count)) {
             return Err(PyIndexError::new_err(format!("face {face} is out of range: the scene has {count} triangles")));
         }
-        let off = |weights: &[f64; 3]| !((weights.iter().sum::<f64>() - 1.0).abs() <= BARYCENTRIC_TOLERANCE);
+        let off = |weights: &[f64; 3]| {
+            let excess = weights.iter().sum::<f64>() - 1.0;
+            excess.is_nan() || excess.abs() > BARYCENTRIC_TOLERANCE
+        };
         if let Some(row) = barycentric.iter().position(off) {
             let [a, b, c] = barycentric[row];
             return Err(PyValueError::new_err(format!(

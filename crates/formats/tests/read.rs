@@ -720,7 +720,7 @@ fn unreadable_paths_are_errors() {
     assert!(say(&folder.0).contains("directory"));
     assert!(say(&folder.0.join("gone.glb")).contains("no such file"));
     let unknown = say(&folder.write("room.dae", "<COLLADA/>"));
-    for part in [".dae", ".glb", ".gltf", ".obj", "trimesh"] {
+    for part in [".dae", ".glb", ".gltf", ".obj", "isolux[meshes]"] {
         assert!(unknown.contains(part), "{unknown}");
     }
     assert!(say(&folder.write("room", "?")).contains("no extension"));

@@ -112,11 +112,16 @@ impl Settings {
         for (name, value) in [("area_epsilon", self.area_epsilon), ("energy_epsilon", self.energy_epsilon)] {
             value.map_or(Ok(()), |value| share(name, value))?;
         }
-        if let Some(value) = self.bf_epsilon
-            && !(value.is_finite() && value > 0.0)
-        {
-            let expected = "a number above 0";
-            return Err(SettingsError { name: "bf_epsilon", value: value.to_string(), expected });
+        for (name, value) in [
+            ("bf_epsilon", self.bf_epsilon),
+            ("partial_weight", Some(self.partial_weight)),
+            ("emission_weight", Some(self.emission_weight)),
+        ] {
+            if let Some(value) = value
+                && !(value.is_finite() && value > 0.0)
+            {
+                return Err(SettingsError { name, value: value.to_string(), expected: "a number above 0" });
+            }
         }
         if self.max_iterations == 0 {
             return Err(SettingsError { name: "max_iterations", value: "0".into(), expected: "at least 1" });

@@ -59,6 +59,22 @@ def solve(
             metavar="E", help="Most a link may carry, relative to the mean.", rich_help_panel=_EPSILONS
         ),
     ] = None,
+    partial_weight: Annotated[
+        float,
+        typer.Option(
+            metavar="W", help="Weight of links that see each other partly.", rich_help_panel=_EPSILONS
+        ),
+    ] = 4.0,
+    partial_form_factor: Annotated[
+        float,
+        typer.Option(
+            metavar="F", help="Largest form factor of links that see each other partly.", rich_help_panel=_EPSILONS
+        ),
+    ] = 0.02,
+    emission_weight: Annotated[
+        float,
+        typer.Option(metavar="W", help="Weight of a source's own emission.", rich_help_panel=_EPSILONS),
+    ] = 0.1,
     area_eps: Annotated[
         float | None,
         typer.Option(
@@ -79,6 +95,9 @@ def solve(
     rays: Annotated[
         int, typer.Option(metavar="16|256", help="Rays per visibility.", rich_help_panel=_METHOD)
     ] = 16,
+    weighting: Annotated[
+        Literal["carried", "equal"], typer.Option(help="What each ray counts for.", rich_help_panel=_METHOD)
+    ] = "carried",
     order: Annotated[
         str,
         typer.Option(
@@ -91,6 +110,10 @@ def solve(
         Literal["polygons", "fragments"],
         typer.Option(help="Roots of the quadtrees.", rich_help_panel=_METHOD),
     ] = "polygons",
+    interpolation: Annotated[
+        Literal["gathered", "averaged"],
+        typer.Option(help="How vertices get their values.", rich_help_panel=_METHOD),
+    ] = "gathered",
 ) -> int:
     """Solve a scene: write a solution file, show the report.
 
@@ -111,13 +134,18 @@ def solve(
     fields: dict[str, Any] = {
         "error": chosen,
         "bf_epsilon": bf_eps,
+        "partial_weight": partial_weight,
+        "partial_form_factor": partial_form_factor,
+        "emission_weight": emission_weight,
         "area_epsilon": area_eps,
         "energy_epsilon": energy_eps,
         "update": update,
         "form_factor": form_factor,
         "rays": rays,
+        "weighting": weighting,
         "order": order,
         "roots": roots,
+        "interpolation": interpolation,
         "seed": seed,
         "max_iterations": max_iterations,
         "threads": threads,
