@@ -136,6 +136,7 @@ def test_every_setting_reaches_the_solver(isolux_command, scene_file, tmp_path):
     options = {
         "--bf-eps": 0.4,
         "--partial-weight": 2.0,
+        "--partial-form-factor": 0.3,
         "--emission-weight": 0.5,
         "--area-eps": 0.1,
         "--energy-eps": 0.2,
@@ -162,6 +163,7 @@ def test_every_setting_reaches_the_solver(isolux_command, scene_file, tmp_path):
         "bf_epsilon": 0.4,
         "partial_weight": 2.0,
         "emission_weight": 0.5,
+        "partial_form_factor": 0.3,
         "area_epsilon": 0.1,
         "energy_epsilon": 0.2,
         "update": "jacobi",

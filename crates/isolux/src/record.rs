@@ -330,6 +330,9 @@ pub(crate) fn read(record: Record) -> Result<Solution, RecordError> {
 fn read_scene(attributes: Attributes, shelf: &mut Shelf) -> Result<(Scene, Vec<bool>), RecordError> {
     let Attributes { name, scene_hash, fronts, diameter, objects, materials, cameras, images, masks, report, .. } =
         attributes;
+    if !(diameter.is_finite() && diameter > 0.0) {
+        return Err(inconsistent("attributes/diameter", format!("{diameter} is not a positive length")));
+    }
     let corners = shelf.corners("scene")?;
     let count = corners.len();
     if fronts > count {
@@ -484,13 +487,18 @@ fn read_hierarchy(scene: &Scene, shelf: &mut Shelf) -> Result<Hierarchy, RecordE
         if !valid {
             return Err(inconsistent("links", format!("link {index} is not a link")));
         }
+        let (to, from) = (ElementId(receiver[index]), ElementId(source[index]));
+        let [here, there] = [to, from].map(|id| elements.get(id).polygon);
+        if here == there || scene.polygons[here as usize].twin == Some(there) {
+            return Err(inconsistent("links", format!("link {index} joins a polygon with itself")));
+        }
+        let last = links.of(to).last();
+        if last.is_some_and(|last| elements.get(last.source).path >= elements.get(from).path) {
+            return Err(inconsistent("links", format!("link {index} is not in the order of its receiver's sources")));
+        }
         links.push(
-            ElementId(receiver[index]),
-            Link::new(
-                ElementId(source[index]),
-                factor,
-                Sight { share: f64::from(visibility[index]), proven: proven[index] != 0 },
-            ),
+            to,
+            Link::new(from, factor, Sight { share: f64::from(visibility[index]), proven: proven[index] != 0 }),
         );
     }
     Ok(Hierarchy { elements, links, light })

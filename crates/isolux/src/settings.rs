@@ -115,6 +115,7 @@ impl Settings {
         for (name, value) in [
             ("bf_epsilon", self.bf_epsilon),
             ("partial_weight", Some(self.partial_weight)),
+            ("partial_form_factor", Some(self.partial_form_factor)),
             ("emission_weight", Some(self.emission_weight)),
         ] {
             if let Some(value) = value

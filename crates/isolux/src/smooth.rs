@@ -4,21 +4,30 @@ use isolux_core::kernels::Counts;
 use isolux_core::links::{Evaluator, Hierarchy};
 use isolux_core::scene::Scene;
 use isolux_core::solution::{Flow, Gathered, Observer, Phase, Progress, Shadows, Site, SmoothPlan, irradiance_at_site};
+use isolux_core::tree::ElementId;
 use isolux_core::units::Rgb;
 use rayon::prelude::*;
+
+/// Rounds end when leaves change by this share of the asked error (RMS, of the mean).
+const CHANGE_PER_ERROR: f64 = 0.05;
+
+/// Most rounds: with reflectance 0.9 everywhere what is left after ten is a third of the first change.
+const MAX_ROUNDS: u32 = 10;
 
 /// Sites between two calls of the observer: some milliseconds of work.
 const SITES_PER_WATCH: usize = 256;
 
-/// Gathers twice: first at vertices and centres of the leaves, which gives every leaf the mean irradiance that its
+/// Gathers in rounds: first at vertices and centres of the leaves, which gives every leaf the mean irradiance that its
 /// surroundings really throw on it; then, from these, at the vertices alone, now with shadows of their own where a
 /// source throws more than `shadows_above` (W/m² or lm/m²). Returns the
 /// irradiance by vertex; `None` when the observer stopped it (leaves then keep what they have).
+#[allow(clippy::too_many_arguments, reason = "one call site, each a part of the solve")]
 pub(crate) fn gather(
     scene: &Scene,
     evaluator: &Evaluator<'_>,
     hierarchy: &mut Hierarchy,
     shadows_above: f64,
+    error: f64,
     threads: usize,
     counts: &mut Counts,
     observer: &mut dyn Observer,
@@ -58,12 +67,36 @@ pub(crate) fn gather(
         }
         Some(values)
     };
-    let first: Vec<Gathered> = pass(plan.sites(), Shadows::OfLinks, hierarchy, 0.0, 0.5)?;
-    let irradiance: Vec<Rgb> = first.iter().map(|gathered| gathered.irradiance).collect();
-    hierarchy.relight_leaves(scene, &plan.leaf_means(&irradiance));
-    let last = pass(&plan.sites()[..plan.vertices()], Shadows::OfSites(shadows_above), hierarchy, 0.5, 1.0)?;
+    let mut from = 0.0;
+    for _ in 0..MAX_ROUNDS {
+        // Each round is expected to take half of what is left before the last pass.
+        let to = 0.5 * (from + 0.6);
+        let values = pass(plan.sites(), Shadows::OfLinks, hierarchy, from, to)?;
+        from = to;
+        let irradiance: Vec<Rgb> = values.iter().map(|gathered| gathered.irradiance).collect();
+        let means = plan.leaf_means(&irradiance);
+        let change = relative_change(hierarchy, &means);
+        hierarchy.relight_leaves(scene, &means);
+        if change <= error * CHANGE_PER_ERROR {
+            break;
+        }
+    }
+    let last = pass(&plan.sites()[..plan.vertices()], Shadows::OfSites(shadows_above), hierarchy, from, 1.0)?;
     let mut values: Vec<Rgb> = last.iter().map(|gathered| gathered.irradiance).collect();
     let openness: Vec<f64> = last.iter().map(|gathered| gathered.openness).collect();
     plan.uncover(evaluator.bsp, &mut values, &openness);
     Some(values)
+}
+
+/// Root of the area-weighted mean square by which leaves would change, relative to their mean irradiance.
+fn relative_change(hierarchy: &Hierarchy, means: &[(ElementId, Rgb)]) -> f64 {
+    let (mut square, mut sum, mut area) = (0.0, 0.0, 0.0);
+    for &(leaf, irradiance) in means {
+        let weight = hierarchy.elements.get(leaf).area;
+        let change = irradiance.mean() - hierarchy.light.irradiance(leaf).mean();
+        square += weight * change * change;
+        sum += weight * irradiance.mean();
+        area += weight;
+    }
+    if sum > 0.0 { (square / area).sqrt() / (sum / area) } else { 0.0 }
 }

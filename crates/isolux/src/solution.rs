@@ -152,7 +152,7 @@ pub fn solve(scene: Arc<Scene>, settings: &Settings, observer: &mut dyn Observer
     } else {
         {
             let above = parameters.thresholds.bf / parameters.thresholds.partial;
-            smooth::gather(&scene, &evaluator, &mut hierarchy, above, settings.threads, &mut counts, &mut rest)
+            smooth::gather(&scene, &evaluator, &mut hierarchy, above, error, settings.threads, &mut counts, &mut rest)
         }
     };
     if rest.stopped {

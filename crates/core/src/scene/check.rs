@@ -16,7 +16,7 @@ pub struct SceneViolation {
 impl Scene {
     /// Checks the invariants: fronts come before backs and twins know each other; normals are of unit length and
     /// corners lie in their plane; areas are positive; reflectance is in `[0, 1)` and at most opacity; emission is
-    /// finite and not negative; every face names the polygon that names it.
+    /// finite and not negative; faces and polygons name each other, and triangles have corners of their polygon.
     ///
     /// # Errors
     /// The first violation.
@@ -54,6 +54,17 @@ impl Scene {
                 if owner != Some(if polygon.side == Side::Front { index as u32 } else { polygon.twin.unwrap_or(0) }) {
                     return fail("faces and polygons name each other");
                 }
+            }
+        }
+        for (face, &polygon) in self.face_polygon.iter().enumerate().filter(|&(_, &owner)| owner != Scene::NO_POLYGON) {
+            let fail = |what| Err(SceneViolation { polygon, what });
+            let Some(owner) = self.polygons.get(polygon as usize).filter(|owner| owner.faces.contains(&(face as u32)))
+            else {
+                return fail("faces and polygons name each other");
+            };
+            let triangle = self.triangles.get(face);
+            if !triangle.is_some_and(|triangle| triangle.iter().all(|corner| owner.corners.contains(corner))) {
+                return fail("triangles have corners of their polygon");
             }
         }
         Ok(())

@@ -2,13 +2,15 @@
 //! comes out. Links decide which sources stand for the surroundings; how the receiver sees each is evaluated anew.
 
 use super::interpolate::Site;
-use crate::kernels::Probe;
 use crate::kernels::form_factor::point_factor;
 use crate::kernels::visibility::point_visibility;
+use crate::kernels::{Patch, Probe};
 use crate::links::{Evaluator, Hierarchy};
 use crate::sampling::mix;
 use crate::tree::ElementId;
 use crate::units::Rgb;
+use glam::DVec3;
+use std::f64::consts::PI;
 
 /// How partially visible sources are seen from a site.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -58,7 +60,7 @@ pub fn irradiance_at_site<P: Probe>(
             }
             let source = elements.patch(link.source);
             probe.form_factor(1);
-            let factor = point_factor(site.position, receiver.plane.normal, &source);
+            let factor = seen_factor(site.position, receiver.plane.normal, &source);
             if factor <= 0.0 {
                 continue;
             }
@@ -77,6 +79,24 @@ pub fn irradiance_at_site<P: Probe>(
         at = elements.get(at).parent;
     }
     Gathered { irradiance: sum, openness }
+}
+
+/// Squared distance in source areas beyond which a source counts as a point: the kernel `cos cos' A/(pi r²)` at the
+/// middle is then off by at most about `A/r²`, 0.4 %, either way over a turned or shifted source.
+const FAR: f64 = 256.0;
+
+/// Closed-form factor of a source, or the kernel at its middle where it is far and wholly above the horizon.
+fn seen_factor(point: DVec3, normal: DVec3, source: &Patch<'_>) -> f64 {
+    let towards = source.corners.mean() - point;
+    let square = towards.length_squared();
+    let (height, drop) = (normal.dot(towards), -source.plane.normal.dot(towards));
+    // Half an edge of a patch of moderate shape is below the root of its area.
+    let is_clear = height > 0.0 && drop > 0.0 && height * height > source.area && drop * drop > source.area;
+    if square > FAR * source.area && is_clear {
+        height * drop * source.area / (PI * square * square)
+    } else {
+        point_factor(point, normal, source)
+    }
 }
 
 impl Hierarchy {

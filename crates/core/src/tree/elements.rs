@@ -174,8 +174,9 @@ impl Elements {
         id
     }
 
-    /// Lists the invariants and checks them: links of parents and children agree, paths name places, the areas of
-    /// children add up to the parent's, corners lie in the polygon's plane, roots come first.
+    /// Lists the invariants and checks them: roots come first, parents before their children; every other element is
+    /// one of the children of its parent; paths name places; areas are those of the corners, and those of children add
+    /// up to the parent's; corners lie in the polygon's plane.
     ///
     /// # Errors
     /// The first violation.
@@ -186,14 +187,27 @@ impl Elements {
             if (index < self.roots()) != (node.parent == ElementId::NONE) {
                 return fail("roots come first and only roots have no parent");
             }
-            if !(node.area.is_finite() && node.area > 0.0) {
-                return fail("areas are positive");
+            // Of other elements the parent, which comes before, is asked below.
+            let is_named = match node.parent.some() {
+                None => node.path == Path::root(index as u32),
+                Some(parent) => parent < id && self.children(parent).any(|child| child == id),
+            };
+            if !is_named {
+                return fail("elements are roots or children of their parent");
+            }
+            // The same corners give the same area up to how a compiler orders a few operations.
+            let area = node.corners.area();
+            if !(node.area.is_finite() && node.area > 0.0 && (node.area - area).abs() <= 1e-12 * area) {
+                return fail("areas are positive and those of the corners");
             }
             let plane = &self.planes[node.polygon as usize];
             let size = node.corners.iter().map(|corner| corner.abs().max_element()).fold(0.0, f64::max);
             // 1e-6 of the coordinates: what joining and snapping may leave, see `scene::RELATIVE_TOLERANCE`.
-            if node.corners.iter().any(|&corner| plane.distance(corner).abs() > 1e-6 * size) {
+            if !node.corners.iter().all(|&corner| plane.distance(corner).abs() <= 1e-6 * size) {
                 return fail("corners lie in the polygon's plane");
+            }
+            if node.first_child != ElementId::NONE && !self.can_split(id) {
+                return fail("paths reach to the children");
             }
             let mut sum = 0.0;
             for (quadrant, child) in self.children(id).enumerate() {

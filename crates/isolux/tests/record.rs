@@ -1,0 +1,266 @@
+//! Solutions as records: what is written comes back exactly, and what was altered is refused by name.
+
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+mod common;
+
+use common::{draft, irradiances, lit_box, points, scene, solved};
+use isolux::core::scene::{Alpha, AlphaMask, Image, Wrap};
+use isolux::{Array, Data, Record, RecordError, Solution};
+
+/// A solution with everything that a record can hold: a two-sided pane, a cut-out mask with texture coordinates, an
+/// image.
+fn rich() -> Solution {
+    let mut input = lit_box(0.5);
+    let mut pane = input.materials[0].clone();
+    pane.two_sided = true;
+    pane.alpha = Alpha::Mask(0);
+    pane.surface.opacity = 0.5;
+    input.materials.push(pane);
+    let (x, y) = ([0.2, 0.8], 0.4);
+    let corners = [[x[0], y, x[0]], [x[0], y, x[1]], [x[1], y, x[1]], [x[1], y, x[0]]];
+    let face = common::inputs::Make::face(&mut input, 0, 2, &corners.map(Into::into));
+    common::inputs::with_uv(&mut input, face, &[[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]);
+    let solid = vec![true, false, false, true];
+    input.masks.push(AlphaMask { width: 2, height: 2, solid, wrap: [Wrap::Clamp; 2] });
+    input.images.push(Image { name: "picture".into(), mime: "image/png".into(), bytes: vec![1, 2, 3] });
+    solved(&scene(input), &draft())
+}
+
+/// Name, shape and the bits of all numbers (texture coordinates hold NaN where there are none).
+fn bits(array: &Array) -> (String, Vec<usize>, Vec<u64>) {
+    let bits = match &array.data {
+        Data::U8(values) => values.iter().map(|&value| u64::from(value)).collect(),
+        Data::U32(values) => values.iter().map(|&value| u64::from(value)).collect(),
+        Data::U64(values) => values.clone(),
+        Data::F32(values) => values.iter().map(|value| u64::from(value.to_bits())).collect(),
+        Data::F64(values) => values.iter().map(|value| value.to_bits()).collect(),
+    };
+    (array.name.clone(), array.shape.clone(), bits)
+}
+
+fn array<'a>(record: &'a mut Record, name: &str) -> &'a mut Array {
+    record.arrays.iter_mut().find(|array| array.name == name).unwrap()
+}
+
+fn reading(record: Record) -> RecordError {
+    match Solution::from_record(record) {
+        Err(error) => error,
+        // A whole solution says nothing.
+        Ok(_) => panic!("an altered record was read without complaint"),
+    }
+}
+
+/// The name that an error gives.
+fn name_of(error: &RecordError) -> &str {
+    match error {
+        RecordError::Missing { name } | RecordError::Shape { name, .. } | RecordError::Inconsistent { name, .. } => {
+            name
+        }
+        _ => "",
+    }
+}
+
+/// Catches a number that is lost, rounded or moved on its way: record, report and answers come back bit for bit.
+#[test]
+fn a_record_comes_back_exactly() {
+    let solution = rich();
+    let record = solution.to_record();
+    let back = Solution::from_record(record.clone()).unwrap();
+    back.check().unwrap();
+    let again = back.to_record();
+    assert_eq!(record.attributes, again.attributes);
+    assert!(record.arrays.iter().map(bits).eq(again.arrays.iter().map(bits)));
+    assert_eq!(solution.report(), back.report());
+    assert_eq!(solution.scene().hash, back.scene().hash);
+    let points = points(solution.scene(), 2000, 1);
+    assert_eq!(irradiances(&solution, &points), irradiances(&back, &points));
+    assert_eq!(solution.mesh().triangles, back.mesh().triangles);
+}
+
+/// Catches an array that is not needed (then why is it stored?) or whose absence is not named.
+#[test]
+fn every_missing_array_is_named() {
+    let record = rich().to_record();
+    for index in 0..record.arrays.len() {
+        let mut broken = record.clone();
+        let name = broken.arrays.remove(index).name;
+        assert_eq!(reading(broken), RecordError::Missing { name });
+    }
+}
+
+/// Catches an array of wrong type, wrong axes, or one row short, and names it (a missing row may be found at the
+/// array that it no longer matches, of the same group).
+#[test]
+fn every_wrong_shape_is_named() {
+    let record = rich().to_record();
+    for index in 0..record.arrays.len() {
+        let original = &record.arrays[index];
+        let name = original.name.clone();
+        let with = |array: Array| {
+            let mut broken = record.clone();
+            broken.arrays[index] = array;
+            reading(broken)
+        };
+        let other = if matches!(original.data, Data::U8(_)) { Data::F32(vec![]) } else { Data::U8(vec![]) };
+        let error = with(Array { data: other, ..original.clone() });
+        assert!(matches!(&error, RecordError::Shape { name: found, .. } if *found == name), "{name}: {error}");
+        let mut shape = original.shape.clone();
+        shape.push(1);
+        let error = with(Array { shape, ..original.clone() });
+        assert!(matches!(&error, RecordError::Shape { name: found, .. } if *found == name), "{name}: {error}");
+        let mut shape = original.shape.clone();
+        shape[0] += 1;
+        let error = with(Array { shape, ..original.clone() });
+        assert!(matches!(&error, RecordError::Shape { name: found, .. } if *found == name), "{name}: {error}");
+        if name.starts_with("scene/image") {
+            continue; // an image is what it is
+        }
+        let mut shape = original.shape.clone();
+        shape[0] -= 1;
+        let entries: usize = shape.iter().product();
+        let data = match original.data.clone() {
+            Data::U8(values) => Data::U8(values[..entries].to_vec()),
+            Data::U32(values) => Data::U32(values[..entries].to_vec()),
+            Data::U64(values) => Data::U64(values[..entries].to_vec()),
+            Data::F32(values) => Data::F32(values[..entries].to_vec()),
+            Data::F64(values) => Data::F64(values[..entries].to_vec()),
+        };
+        let error = with(Array { shape, data, ..original.clone() });
+        let group = name.split('/').next().unwrap();
+        assert!(name_of(&error).starts_with(group), "{name}: {error}");
+    }
+}
+
+/// Catches a NaN, first or last, that gets into a solution through any array of numbers.
+#[test]
+fn every_nan_is_refused() {
+    let record = rich().to_record();
+    for index in 0..record.arrays.len() {
+        for last in [false, true] {
+            let mut broken = record.clone();
+            let name = broken.arrays[index].name.clone();
+            match &mut broken.arrays[index].data {
+                Data::F64(values) => {
+                    let at = if last { values.len() - 1 } else { 0 };
+                    // Where there are no texture coordinates NaN stands already, and the first tells.
+                    if !values[at].is_nan() {
+                        values[at] = f64::NAN;
+                    } else {
+                        continue;
+                    }
+                }
+                Data::F32(values) => {
+                    let at = if last { values.len() - 1 } else { 0 };
+                    values[at] = f32::NAN;
+                }
+                _ => continue,
+            }
+            let group = name.split('/').next().unwrap().to_owned();
+            match Solution::from_record(broken) {
+                Err(error) => assert!(name_of(&error).starts_with(&group), "{name}: {error}"),
+                Ok(_) => panic!("{name}: NaN got in"),
+            }
+        }
+    }
+}
+
+/// Catches an index that is followed out of its array.
+#[test]
+fn every_index_out_of_range_is_named() {
+    let record = rich().to_record();
+    for name in [
+        "scene/mask",
+        "scene/object",
+        "scene/material",
+        "scene/twin",
+        "scene/face_polygon",
+        "scene/faces",
+        "elements/polygon",
+        "elements/parent",
+        "elements/first_child",
+        "links/receiver",
+        "links/source",
+    ] {
+        for value in [u32::MAX - 1, 1 << 30] {
+            let mut broken = record.clone();
+            let Data::U32(values) = &mut array(&mut broken, name).data else { panic!("{name}") };
+            values[0] = value;
+            let error = reading(broken);
+            let group = name.split('/').next().unwrap();
+            assert!(name_of(&error).starts_with(group), "{name}: {error}");
+        }
+    }
+}
+
+/// Catches values that are in range and wrong: each breaks an invariant or the recorded hash.
+#[test]
+fn altered_values_are_found() {
+    type Change = (&'static str, &'static str, fn(&mut Data));
+    fn scale(data: &mut Data) {
+        if let Data::F64(values) = data {
+            values.iter_mut().for_each(|value| *value *= 1.001);
+        }
+    }
+    fn swap(data: &mut Data) {
+        match data {
+            Data::U32(values) => values.reverse(),
+            Data::U64(values) => values.reverse(),
+            _ => {}
+        }
+    }
+    let cases: [Change; 13] = [
+        ("scene/corners", "scene", scale),
+        ("scene/reflectance", "scene", scale),
+        ("scene/emission", "scene", scale),
+        ("scene/opacity", "scene", scale),
+        ("scene/mask_0", "scene", |data| {
+            if let Data::U8(values) = data {
+                values[1] = 1;
+            }
+        }),
+        ("elements/corners", "elements", scale),
+        ("elements/area", "elements", scale),
+        ("elements/path", "elements", swap),
+        ("elements/parent", "elements", swap),
+        ("elements/first_child", "elements", swap),
+        ("elements/radiosity", "elements", scale),
+        ("links/form_factor", "links", |data| {
+            if let Data::F64(values) = data {
+                values[0] = 1.5;
+            }
+        }),
+        ("links/source", "links", swap),
+    ];
+    let record = rich().to_record();
+    for (name, group, change) in cases {
+        let mut broken = record.clone();
+        change(&mut array(&mut broken, name).data);
+        match Solution::from_record(broken) {
+            Err(error) => assert!(name_of(&error).starts_with(group), "{name}: {error}"),
+            Ok(_) => panic!("{name}: not found"),
+        }
+    }
+}
+
+/// Catches attributes that are not read with care: other formats, other hashes, what is missing, what is no JSON.
+#[test]
+fn attributes_are_checked() {
+    let record = rich().to_record();
+    let with = |from: &str, to: &str| {
+        assert!(record.attributes.contains(from), "{from}");
+        reading(Record { attributes: record.attributes.replacen(from, to, 1), ..record.clone() })
+    };
+    assert_eq!(with("\"format\":1", "\"format\":2"), RecordError::Format { found: 2, supported: 1 });
+    assert_eq!(with("\"format\":1", "\"form\":1"), RecordError::Missing { name: "attributes/format".into() });
+    assert_eq!(name_of(&with("{", "[")), "attributes");
+    assert_eq!(name_of(&with("\"fronts\"", "\"front\"")), "attributes");
+    assert_eq!(name_of(&with("\"fronts\":8", "\"fronts\":800")), "attributes/fronts");
+    assert_eq!(name_of(&with("\"diameter\":", "\"diameter\":-")), "attributes/diameter");
+    let hash = "\"scene_hash\":\"";
+    let start = record.attributes.find(hash).unwrap() + hash.len();
+    let digit = if record.attributes.as_bytes()[start] == b'0' { "1" } else { "0" };
+    let mut attributes = record.attributes.clone();
+    attributes.replace_range(start..=start, digit);
+    assert_eq!(name_of(&reading(Record { attributes, ..record.clone() })), "scene");
+}
