@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import ROOT, in_python
+from PIL import Image
 
 import isolux
 
@@ -76,7 +77,6 @@ def test_solve_bake_render(isolux_command, scene_file, tmp_path):
 
 def test_render_takes_views(isolux_command, solution_file, tmp_path):
     """Catches a view, a size or an exposure that does not reach the picture."""
-    image = pytest.importorskip("PIL.Image")
 
     def mean(*arguments):
         path = tmp_path / "view.png"
@@ -84,7 +84,7 @@ def test_render_takes_views(isolux_command, solution_file, tmp_path):
             "render", solution_file, "-o", path, "--size", "20x10", "--samples", 1, *arguments
         )
         assert done.returncode == 0, done.stderr
-        with image.open(path) as opened:
+        with Image.open(path) as opened:
             assert opened.size == (20, 10)
             return np.asarray(opened.convert("RGB")).mean()
 

@@ -10,6 +10,7 @@ import signal
 import numpy as np
 import pytest
 from conftest import box, in_python, lamp
+from PIL import Image
 
 import isolux
 from isolux.exceptions import NoLightError, RenderError, SettingsError, WriteError
@@ -252,7 +253,7 @@ scene, ticks, over = lamp(), [], threading.Event()
 def tick():
     while not over.wait(0.001):
         ticks.append(None)
-threading.Thread(target=tick).start()
+threading.Thread(target=tick, daemon=True).start()
 def stop(state):
     if len(ticks) > 50:
         raise KeyboardInterrupt
@@ -337,12 +338,11 @@ def test_bake_writes_each_kind(lit, tmp_path, suffix, magic):
 
 def test_images_show_what_was_drawn(lit, tmp_path):
     """Catches rows or bands swapped, and exposure that is ignored."""
-    image = pytest.importorskip("PIL.Image")
     picture = np.zeros((2, 3, 3))
     picture[0, 2] = [1.0, 0.0, 0.0]
     path = tmp_path / "picture.png"
     lit.write_image(path, picture, exposure=1.0)
-    with image.open(path) as opened:
+    with Image.open(path) as opened:
         pixels = np.asarray(opened.convert("RGB"))
     assert pixels.shape == (2, 3, 3)
     assert pixels[0, 2, 0] > 100
