@@ -68,7 +68,9 @@ def solve(
     partial_form_factor: Annotated[
         float,
         typer.Option(
-            metavar="F", help="Largest form factor of links that see each other partly.", rich_help_panel=_EPSILONS
+            metavar="F",
+            help="Largest form factor of links that see each other partly.",
+            rich_help_panel=_EPSILONS,
         ),
     ] = 0.02,
     emission_weight: Annotated[
