@@ -1,9 +1,10 @@
 """Makes the small malformed and special inputs for tests of the reader, and expected.json about them.
 
-expected.json holds one record per input: `kind` is "error" (exit code 3), "warning" (read, with a warning), "note"
-(read, with a note and no warning) or "ok" (read, without a warning); `names` are words that the message must
-contain; `expect` are facts of the scene that was read. Every input that is not about light holds a "lamp": 1 m2 facing down at y = 1 m that emits 1 lm/m2
-in each channel; most hold a "panel": 1 m2 facing up at y = 0.
+expected.json holds one record per input: `kind` is "error" (exit code 3), "warning" (read, with a warning),
+"note" (read, with a note and no warning) or "ok" (read, without a warning); `names` are words that the
+message must contain; `expect` are facts of the scene that was read. Every input that is not about light
+holds a "lamp": 1 m2 facing down at y = 1 m that emits 1 lm/m2 in each channel; most hold a "panel": 1 m2
+facing up at y = 0.
 """
 
 from __future__ import annotations
@@ -417,8 +418,8 @@ def surfaces() -> None:
         "transmission-pane.glb",
         document.glb(),
         "warning",
-        "KHR_materials_transmission 0.9 over a white base colour: what is not let through is reflected to the last, "
-        "which is clamped.",
+        "KHR_materials_transmission 0.9 over a white base colour: what is not let through is reflected to "
+        "the last, which is clamped.",
         ["glass"],
         polygons=2,
         transmittance={"panel": 0.9},

@@ -42,18 +42,15 @@ fn furnace(settings: &Settings) -> [f64; 3] {
 }
 
 /// Catches any error in factors, links, gather, push, pull and interpolation that does not conserve light: in a closed
-/// box of reflectance 1/2 and emission 1, the radiosity is 2 everywhere, RMS within the asked error.
-///
-/// Known gap: near edges it is off by more than 1 % (measured +0.3 % to +8.3 %, RMS 0.7 %), since links of ancestors carry their
-/// mean factor to leaves that see less. Where that has been closed, this test fails: assert 1 % instead.
+/// box of reflectance 1/2 and emission 1, the radiosity is 2 everywhere, edges and corners included.
+/// Within 1 % is promised; measured up to +0.10 %, RMS 0.08 %, so twice that is allowed.
 #[test]
 fn the_furnace_has_radiosity_two() {
     let settings = Settings { threads: 2, ..Settings::default() };
     let [low, high, rms] = furnace(&settings);
-    assert!(rms < settings.error, "{rms}");
-    assert!(low > -0.01, "{low}");
-    assert!(high < 0.10, "{high}");
-    assert!(high > 0.01, "the gap is closed: {high}");
+    assert!(rms < 2e-3, "{rms}");
+    assert!(low > -2e-3, "{low}");
+    assert!(high < 2e-3, "{high}");
 }
 
 /// Catches a change of the paper's disks, whose factors do not sum to one near edges: the size of their error, from
