@@ -312,7 +312,7 @@ impl<'a> SmoothPlan<'a> {
 
     /// Vertices that something covers, a cabinet on the wall or a rug on the floor, are dark, but what is seen is the part
     /// of their leaves that is not covered: they take the mean of the open vertices around. `values` and `openness` by
-    /// vertex; what is covered sees nothing (`openness` below [`COVERED`]) and has a surface close above it.
+    /// vertex; what is covered sees nothing (`openness` below 2 %) and has a surface close above it.
     pub fn uncover(&self, bsp: &Bsp, values: &mut [Rgb], openness: &[f64]) {
         let scene = self.builder.scene;
         let covered: Vec<bool> = (0..self.centres)
