@@ -50,6 +50,12 @@ class Material:
     opacity: float = 1.0
 
 
+def luminance(bands: Bands) -> float:
+    """Luminance-weighted mean of linear RGB bands (Rec. 709 primaries, D65 white)."""
+    red, green, blue = bands
+    return 0.2126 * red + 0.7152 * green + 0.0722 * blue
+
+
 @dataclasses.dataclass(frozen=True)
 class Light:
     """An object that emits."""
@@ -65,8 +71,8 @@ class Light:
 
     @property
     def total(self) -> float:
-        """Emitted power summed over bands, W or lm."""
-        return sum(self.power)
+        """Emitted flux, lm: bands weighted by luminance (Rec. 709: 0.2126, 0.7152, 0.0722)."""
+        return luminance(self.power)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -85,7 +85,8 @@ class Solution:
     def links(self) -> Arrays:
         """The links between elements: read-only arrays with one row per link.
 
-        ``receiver`` and ``source`` (rows of `elements`), ``form_factor`` and ``visibility``. Made once.
+        ``receiver`` and ``source`` (rows of `elements`), ``form_factor``, ``visibility``, and ``proven`` (1
+        where the visibility is known for certain, 0 where rays estimate it). Made once.
         """
         return self._group("links")
 

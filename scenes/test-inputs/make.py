@@ -2,8 +2,9 @@
 
 expected.json holds one record per input: `kind` is "error" (exit code 3), "warning" (read, with a warning),
 "note" (read, with a note and no warning) or "ok" (read, without a warning); `names` are words that the
-message must contain; `expect` are facts of the scene that was read. Every input that is not about light holds
-a "lamp": 1 m2 facing down at y = 1 m that emits 1 lm/m2 in each channel; most hold a "panel": 1 m2 facing up at y = 0.
+message must contain; `expect` are facts of the scene that was read. Every input that is not about light
+holds a "lamp": 1 m2 facing down at y = 1 m that emits 1 lm/m2 in each channel; most hold a "panel": 1 m2
+facing up at y = 0.
 """
 
 from __future__ import annotations

@@ -52,7 +52,7 @@ def test_lights_tell_their_power():
     (light,) = scene.lights
     assert (light.object, light.material, light.polygons) == ("ceiling", "lamp", 1)
     assert light.power == pytest.approx((3.0, 2.0, 1.0))
-    assert light.total == pytest.approx(6.0)
+    assert light.total == pytest.approx(0.2126 * 3 + 0.7152 * 2 + 0.0722 * 1)
     assert scene.emitted_power == pytest.approx((3.0, 2.0, 1.0))
     assert scene.materials[1] == isolux.Material("lamp", (0.0, 0.0, 0.0), (3.0, 2.0, 1.0))
     assert scene.cameras == []

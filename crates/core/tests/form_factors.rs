@@ -407,7 +407,7 @@ fn adaptive(point: DVec3, normal: DVec3, source_normal: DVec3, [a, b, c]: [DVec3
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 300, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 300, rng_seed: proptest::test_runner::RngSeed::Fixed(1), ..ProptestConfig::default() })]
 
     /// Would catch a NaN, a factor above 1, or an order that matters, on any two convex patches, crossing ones included.
     #[test]

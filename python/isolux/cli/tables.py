@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 from rich.markup import escape
 from rich.table import Table
 
+from isolux.scene import luminance
+
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
@@ -37,7 +39,7 @@ def scene(scene: Scene, source: str) -> Table:
             f"{len(scene.triangles):,} ({polygons.dropped_triangles:,} without area, dropped)",
         ),
         ("objects", f"{len(scene.objects):,}"),
-        ("lights", f"{len(scene.lights):,}, {sum(power):.6g} lm or W in all ({_bands(power)})"),
+        ("lights", f"{len(scene.lights):,}, {luminance(power):.6g} lm in all ({_bands(power)} by band)"),
         ("cameras", ", ".join(scene.cameras) or "none"),
     ]
     return _pairs(rows)
@@ -46,7 +48,7 @@ def scene(scene: Scene, source: str) -> Table:
 def lights(lights: Sequence[Light]) -> Table:
     """Lights with their power."""
     names = [("light", "left"), ("material", "left"), ("polygons", "right"), ("area, m²", "right")]
-    names += [("red", "right"), ("green", "right"), ("blue", "right"), ("sum, lm or W", "right")]
+    names += [("red", "right"), ("green", "right"), ("blue", "right"), ("flux, lm", "right")]
     rows = (
         (
             light.object,
