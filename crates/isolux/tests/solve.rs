@@ -599,7 +599,7 @@ fn random_scene() -> impl Strategy<Value = Arc<Scene>> {
 }
 
 proptest! {
-    // The same scenes each time: about one in a thousand is off by more than 10 %, and would fail a run by chance.
+    // The same scenes each time: about one in a thousand, of bright walls, would fail by chance.
     #![proptest_config(ProptestConfig {
         cases: 24,
         failure_persistence: None,
