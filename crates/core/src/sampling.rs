@@ -3,11 +3,14 @@
 use crate::scene::{Corners, Plane};
 use glam::DVec3;
 
+/// Increment of the sequence: 2^64 over the golden ratio, made odd.
+pub(crate) const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
+
 /// A bijection that scatters 64 bits (SplitMix64: Steele, Lea, Flood 2014, "Fast splittable pseudorandom number
 /// generators", with Stafford's variant 13 of the finaliser).
 #[must_use]
 pub fn mix(state: u64) -> u64 {
-    let state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    let state = state.wrapping_add(GOLDEN);
     let state = (state ^ (state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     let state = (state ^ (state >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
     state ^ (state >> 31)
@@ -26,7 +29,7 @@ impl Stream {
 
     /// The next number in `[0, 1)`, of 53 bits.
     pub fn next_unit(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        self.0 = self.0.wrapping_add(GOLDEN);
         (mix(self.0) >> 11) as f64 / (1u64 << 53) as f64
     }
 

@@ -6,7 +6,7 @@ mod bsp_scenes;
 
 use bsp_scenes::*;
 use isolux_core::DVec3;
-use isolux_core::kernels::visibility::{Blocker, Rays, sight, visibility, visibility_ray_by_ray};
+use isolux_core::kernels::visibility::{Blocker, Rays, point_visibility, sight, visibility, visibility_ray_by_ray};
 use isolux_core::kernels::{Counts, NoProbe, Patch};
 use isolux_core::scene::{AlphaMask, Plane, Polygon, Scene, Wrap};
 use isolux_core::tree::bsp::Hit;
@@ -285,6 +285,27 @@ fn between(blockers: Vec<Vec<DVec3>>, triangles: bool) -> Scene {
     let mut faces = vec![floor, ceiling];
     faces.extend(blockers);
     scene_of(&faces)
+}
+
+/// Catches rays from a point that favour a part of the patch, or scatter more than independent ones: below a blocker
+/// that covers [0, 1/2]² halfway up, the point (0.3, 0.4) misses of the unit square above what lies in [0, 0.7] x
+/// [0, 0.6], so V = 0.58.
+#[test]
+fn point_visibility_is_unbiased() {
+    let scene = between(vec![vec![v(0.0, 0.0, 0.5), v(0.5, 0.0, 0.5), v(0.5, 0.5, 0.5), v(0.0, 0.5, 0.5)]], false);
+    let bsp = tree(&scene, InsertionOrder::AsGiven);
+    let (plane, to) = (&scene.polygons[0].plane, patch(&scene.polygons[1]));
+    let (mut sum, mut squares) = (0.0, 0.0);
+    for seed in 0..20_000_u64 {
+        let seed = seed.wrapping_mul(0x2545_f491_4f6c_dd1d);
+        let share = point_visibility(&bsp, &scene, v(0.3, 0.4, 0.0), plane, &to, seed, &mut NoProbe);
+        sum += share;
+        squares += share * share;
+    }
+    let mean = sum / 20_000.0;
+    let deviation = (squares / 20_000.0 - mean * mean).sqrt();
+    assert!((mean - 0.58).abs() < 5.0 * deviation / 20_000_f64.sqrt(), "{mean} {deviation}");
+    assert!(deviation <= 0.125, "{deviation}");
 }
 
 /// Catches a bias of sampling, pairing or tree: the mean over 20,000 seeds of the estimate by 16 rays, and over 2,000 of

@@ -1,5 +1,6 @@
 //! Sample points: a patch and a random sequence go in, one jittered point in each of its 16 sub-elements comes out.
 
+use crate::sampling::{GOLDEN, mix};
 use crate::scene::Corners;
 use glam::DVec3;
 
@@ -18,10 +19,9 @@ impl SplitMix64 {
     /// The next 64 bits.
     #[inline]
     pub(crate) fn next(&mut self) -> u64 {
-        self.state = self.state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (self.state ^ (self.state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
+        let bits = mix(self.state);
+        self.state = self.state.wrapping_add(GOLDEN);
+        bits
     }
 
     /// A permutation (Fisher, Yates), every one equally likely up to `count / 2^32`.
