@@ -53,6 +53,9 @@ class Settings:
         Rays per visibility, 16 or 256.
     weighting
         What each ray counts for: ``"carried"``, what it would carry, or ``"equal"``.
+    covered
+        Parts of elements that something covers: ``"left-out"``, an element is as bright as its open part,
+        or ``"counted"`` as any other part.
     order
         Insertion in the BSP tree: ``"as-given"``, ``"largest-first"``, ``"random"`` (by `seed`) or
         ``"random:7"`` (by a seed of its own).
@@ -85,6 +88,7 @@ class Settings:
     form_factor: Literal["lambert", "disks"] = "lambert"
     rays: Literal[16, 256] = 16
     weighting: Literal["carried", "equal"] = "carried"
+    covered: Literal["left-out", "counted"] = "left-out"
     order: str = "as-given"
     roots: Literal["polygons", "fragments"] = "polygons"
     interpolation: Literal["gathered", "averaged"] = "gathered"

@@ -8,7 +8,7 @@ use inputs::{Make, built, empty, grey, v};
 use isolux_core::kernels::Counts;
 use isolux_core::kernels::form_factor::FormFactor;
 use isolux_core::kernels::oracle::Thresholds;
-use isolux_core::kernels::visibility::Sampling;
+use isolux_core::kernels::visibility::{Covered, Sampling};
 use isolux_core::links::Hierarchy;
 use isolux_core::scene::Scene;
 use isolux_core::solution::{
@@ -41,6 +41,7 @@ fn parameters(bf: f64) -> Parameters {
         roots: Roots::Polygons,
         form_factor: FormFactor::Lambert,
         sampling: Sampling::default(),
+        covered: Covered::LeftOut,
         seed: 0,
     }
 }
@@ -68,7 +69,9 @@ fn gathered(scene: &Scene, hierarchy: &Hierarchy) -> Hierarchy {
         for (index, element) in elements.as_slice().iter().enumerate() {
             let own: Rgb =
                 links.of(ElementId(index as u32)).iter().map(|l| light.radiosity(l.source) * l.weight()).sum();
-            arriving[index] = own + element.parent.some().map_or(Rgb::ZERO, |parent| arriving[parent.index()]);
+            let exposure = light.exposure(ElementId(index as u32));
+            let open = if exposure > 0.0 { own / exposure } else { Rgb::ZERO };
+            arriving[index] = open + element.parent.some().map_or(Rgb::ZERO, |parent| arriving[parent.index()]);
         }
         let leaves: Vec<(ElementId, Rgb)> = elements.leaves().map(|leaf| (leaf, arriving[leaf.index()])).collect();
         hierarchy.relight_leaves(scene, &leaves);

@@ -63,6 +63,7 @@ fn kernels(criterion: &mut Criterion) {
         bsp,
         form_factor: settings.form_factor,
         sampling: isolux::core::kernels::visibility::Sampling { rays: settings.rays, weighting: settings.weighting },
+        covered: settings.covered,
         seed: 0,
     };
     let elements = &solution.hierarchy().elements;

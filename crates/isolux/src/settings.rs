@@ -57,6 +57,8 @@ pub struct Settings {
     pub rays: crate::core::kernels::visibility::Rays,
     /// What each ray counts for.
     pub weighting: crate::core::kernels::visibility::Weighting,
+    /// What becomes of parts of elements that something covers.
+    pub covered: crate::core::kernels::visibility::Covered,
     /// Order of insertion in the BSP tree.
     pub order: crate::core::tree::InsertionOrder,
     /// What the roots of the quadtrees are.
@@ -85,6 +87,7 @@ impl Default for Settings {
             form_factor: Default::default(),
             rays: Default::default(),
             weighting: Default::default(),
+            covered: Default::default(),
             order: Default::default(),
             roots: Roots::default(),
             interpolation: Interpolation::default(),

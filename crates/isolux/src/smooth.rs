@@ -67,14 +67,14 @@ pub(crate) fn gather(
         }
         Some(values)
     };
+    let covered = plan.covered(evaluator, &hierarchy.light);
     let mut from = 0.0;
     for _ in 0..MAX_ROUNDS {
         // Each round is expected to take half of what is left before the last pass.
         let to = 0.5 * (from + 0.6);
         let values = pass(plan.sites(), Shadows::OfLinks, hierarchy, from, to)?;
         from = to;
-        let irradiance: Vec<Rgb> = values.iter().map(|gathered| gathered.irradiance).collect();
-        let means = plan.leaf_means(&irradiance);
+        let means = plan.leaf_means(&values, &covered);
         let change = relative_change(hierarchy, &means);
         hierarchy.relight_leaves(scene, &means);
         if change <= error * CHANGE_PER_ERROR {
@@ -84,7 +84,7 @@ pub(crate) fn gather(
     let last = pass(&plan.sites()[..plan.vertices()], Shadows::OfSites(shadows_above), hierarchy, from, 1.0)?;
     let mut values: Vec<Rgb> = last.iter().map(|gathered| gathered.irradiance).collect();
     let openness: Vec<f64> = last.iter().map(|gathered| gathered.openness).collect();
-    plan.uncover(evaluator.bsp, &mut values, &openness);
+    plan.uncover(evaluator.bsp, &covered, &mut values, &openness);
     Some(values)
 }
 
@@ -93,7 +93,9 @@ fn relative_change(hierarchy: &Hierarchy, means: &[(ElementId, Rgb)]) -> f64 {
     let (mut square, mut sum, mut area) = (0.0, 0.0, 0.0);
     for &(leaf, irradiance) in means {
         let weight = hierarchy.elements.get(leaf).area;
-        let change = irradiance.mean() - hierarchy.light.irradiance(leaf).mean();
+        let weight = weight * hierarchy.light.exposure(leaf);
+        let open = hierarchy.light.irradiance(leaf).mean() / hierarchy.light.exposure(leaf).max(f64::MIN_POSITIVE);
+        let change = irradiance.mean() - open;
         square += weight * change * change;
         sum += weight * irradiance.mean();
         area += weight;

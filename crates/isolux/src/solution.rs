@@ -111,6 +111,7 @@ pub fn solve(scene: Arc<Scene>, settings: &Settings, observer: &mut dyn Observer
         roots: settings.roots,
         form_factor: settings.form_factor,
         sampling: Sampling { rays: settings.rays, weighting: settings.weighting },
+        covered: settings.covered,
         seed: settings.seed,
     };
     let mut part = Part { observer, from: 0.0, to: SOLVER_SHARE, stopped: false };

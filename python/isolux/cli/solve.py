@@ -100,6 +100,10 @@ def solve(
     weighting: Annotated[
         Literal["carried", "equal"], typer.Option(help="What each ray counts for.", rich_help_panel=_METHOD)
     ] = "carried",
+    covered: Annotated[
+        Literal["left-out", "counted"],
+        typer.Option(help="Parts of elements that something covers.", rich_help_panel=_METHOD),
+    ] = "left-out",
     order: Annotated[
         str,
         typer.Option(
@@ -145,6 +149,7 @@ def solve(
         "form_factor": form_factor,
         "rays": rays,
         "weighting": weighting,
+        "covered": covered,
         "order": order,
         "roots": roots,
         "interpolation": interpolation,

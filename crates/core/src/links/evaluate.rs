@@ -3,7 +3,7 @@
 
 use crate::kernels::Probe;
 use crate::kernels::form_factor::{FormFactor, exchange_area};
-use crate::kernels::visibility::{Blocker, Sampling, Sight, sight};
+use crate::kernels::visibility::{Blocker, Covered, Sampling, Sight, exposure, sight};
 use crate::sampling::mix;
 use crate::scene::Scene;
 use crate::tree::{Bsp, ElementId, Elements};
@@ -19,6 +19,8 @@ pub struct Evaluator<'a> {
     pub form_factor: FormFactor,
     /// Rays of a visibility.
     pub sampling: Sampling,
+    /// What becomes of covered parts.
+    pub covered: Covered,
     /// Seed of the sample points.
     pub seed: u64,
 }
@@ -41,6 +43,18 @@ impl Evaluator<'_> {
         probe: &mut P,
     ) -> f64 {
         (self.exchange_area(elements, receiver, source, probe) / elements.get(receiver).area).min(1.0)
+    }
+
+    /// Share of an element that nothing covers, in `[0, 1]`.
+    #[must_use]
+    pub fn exposure<P: Probe>(&self, elements: &Elements, id: ElementId, probe: &mut P) -> f64 {
+        match self.covered {
+            Covered::Counted => 1.0,
+            Covered::LeftOut => {
+                let seed = mix(mix(self.seed ^ elements.get(id).path.to_bits()));
+                exposure(self.bsp, self.scene, &elements.patch(id), seed, probe)
+            }
+        }
     }
 
     /// Visibility of the pair, and how it is known.

@@ -21,7 +21,7 @@ pub struct Hierarchy {
 impl Hierarchy {
     /// Splits an element if it is a leaf; children start with their parent's light. Returns false where a path can
     /// name no deeper level.
-    fn split(&mut self, id: ElementId) -> bool {
+    fn split<P: Probe>(&mut self, id: ElementId, evaluator: &Evaluator<'_>, probe: &mut P) -> bool {
         if !self.elements.is_leaf(id) {
             return true;
         }
@@ -30,7 +30,9 @@ impl Hierarchy {
         }
         self.elements.split(id);
         self.links.grow(self.elements.len());
-        self.light.adopt(id);
+        let first = self.elements.get(id).first_child.0;
+        let exposure = [0, 1, 2, 3].map(|k| evaluator.exposure(&self.elements, ElementId(first + k), probe));
+        self.light.adopt(id, exposure);
         true
     }
 }
@@ -74,7 +76,7 @@ pub fn refine<P: Probe>(
         let emission = evaluator.scene.polygons[hierarchy.elements.get(source).polygon as usize].emission.mean();
         let radiosity = hierarchy.light.radiosity(source).mean() - (1.0 - thresholds.emission) * emission;
         match bf_refinement(sight, link.form_factor, radiosity, areas, thresholds, probe) {
-            Decision::SplitReceiver if hierarchy.split(receiver) => {
+            Decision::SplitReceiver if hierarchy.split(receiver, evaluator, probe) => {
                 list.swap_remove(at);
                 for child in hierarchy.elements.children(receiver) {
                     let form_factor = evaluator.form_factor(&hierarchy.elements, child, source, probe);
@@ -84,7 +86,7 @@ pub fn refine<P: Probe>(
                 }
                 in_order = false;
             }
-            Decision::SplitSource if hierarchy.split(source) => {
+            Decision::SplitSource if hierarchy.split(source, evaluator, probe) => {
                 list.swap_remove(at);
                 for child in hierarchy.elements.children(source) {
                     let form_factor = evaluator.form_factor(&hierarchy.elements, receiver, child, probe);

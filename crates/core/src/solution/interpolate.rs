@@ -1,8 +1,11 @@
 //! Smooth values from constant elements: leaves with their irradiance go in, vertex values on a restricted mesh
 //! without T-junctions come out, and the means to read them at any point.
 
-use super::{Light, SurfaceMesh};
+use super::{Gathered, Light, SurfaceMesh};
 use crate::kernels::NoProbe;
+use crate::kernels::visibility::is_exposed;
+use crate::links::Evaluator;
+use crate::sampling::{Stream, mix};
 use crate::scene::{Corners, Scene};
 use crate::tree::{Bsp, ElementId, Elements, quadrant_of, quarter};
 use crate::units::Rgb;
@@ -310,10 +313,31 @@ impl<'a> SmoothPlan<'a> {
         values
     }
 
-    /// Vertices that something covers, a cabinet on the wall or a rug on the floor, are dark, but what is seen is the part
-    /// of their leaves that is not covered: they take the mean of the open vertices around. `values` and `openness` by
-    /// vertex; what is covered sees nothing (`openness` below 2 %) and has a surface close above it.
-    pub fn uncover(&self, bsp: &Bsp, values: &mut [Rgb], openness: &[f64]) {
+    /// Which sites something covers, by site: only sites of leaves that are partly covered are looked at. Their values
+    /// mean nothing: no light gets there.
+    #[must_use]
+    pub fn covered(&self, evaluator: &Evaluator<'_>, light: &Light) -> Vec<bool> {
+        let mut covered = vec![false; self.sites.len()];
+        let scene = self.builder.scene;
+        for (index, (leaf, vertices)) in self.leaves.iter().enumerate() {
+            if light.exposure(*leaf) >= 1.0 {
+                continue;
+            }
+            let sites = vertices.iter().map(|&(site, _)| site as usize).chain([self.centres + index]);
+            for site in sites {
+                let Site { position, leaf } = self.sites[site];
+                let normal = scene.polygons[self.builder.elements.get(leaf).polygon as usize].plane.normal;
+                let mut stream = Stream::new(mix(evaluator.seed ^ site as u64));
+                covered[site] = !is_exposed(evaluator.bsp, scene, position, normal, &mut stream, &mut NoProbe);
+            }
+        }
+        covered
+    }
+
+    /// Covered vertices are dark, but what is seen is the part of their leaves that is not covered: they take the mean
+    /// of the open vertices around. Beside those found [by rays](SmoothPlan::covered), vertices count that see nothing
+    /// (`openness` below 2 %) and have a surface close above them, a rug with a lit back for one.
+    pub fn uncover(&self, bsp: &Bsp, covered: &[bool], values: &mut [Rgb], openness: &[f64]) {
         let scene = self.builder.scene;
         let covered: Vec<bool> = (0..self.centres)
             .map(|site| {
@@ -321,8 +345,9 @@ impl<'a> SmoothPlan<'a> {
                 let element = self.builder.elements.get(leaf);
                 let normal = scene.polygons[element.polygon as usize].plane.normal;
                 let start = position + normal * (2.0 * scene.tolerance());
-                openness[site] < COVERED
-                    && bsp.closest_hit(scene, start, normal, element.area.sqrt(), &mut NoProbe).is_some()
+                covered[site]
+                    || openness[site] < COVERED
+                        && bsp.closest_hit(scene, start, normal, element.area.sqrt(), &mut NoProbe).is_some()
             })
             .collect();
         let mut around = vec![(Rgb::ZERO, 0.0); self.centres];
@@ -342,16 +367,24 @@ impl<'a> SmoothPlan<'a> {
 
     /// Mean irradiance of every leaf from that at its corners and centre, in the order of [`Elements::leaves`]:
     /// centre 2/3 and corners 1/3 for a quadrilateral, 3/4 and 1/4 for a triangle. These weights integrate quadratic
-    /// functions exactly on parallelograms and triangles: the moments 1, x, x², xy fix them.
+    /// functions exactly on parallelograms and triangles: the moments 1, x, x², xy fix them. Covered sites are left
+    /// out: it is the mean over the open part; a leaf without open sites is left out, too.
     #[must_use]
-    pub fn leaf_means(&self, values: &[Rgb]) -> Vec<(ElementId, Rgb)> {
-        let means = self.leaves.iter().enumerate().map(|(index, (leaf, vertices))| {
+    pub fn leaf_means(&self, values: &[Gathered], covered: &[bool]) -> Vec<(ElementId, Rgb)> {
+        let means = self.leaves.iter().enumerate().filter_map(|(index, (leaf, vertices))| {
             let corners: Vec<u32> =
                 vertices.iter().filter(|(_, is_corner)| *is_corner).map(|&(site, _)| site).collect();
             let centre_share = if corners.len() == 4 { 2.0 / 3.0 } else { 3.0 / 4.0 };
-            let around: Rgb = corners.iter().map(|&site| values[site as usize]).sum();
-            let around = around * ((1.0 - centre_share) / corners.len() as f64);
-            (*leaf, values[self.centres + index] * centre_share + around)
+            let corner_share = (1.0 - centre_share) / corners.len() as f64;
+            let centre = (self.centres + index, centre_share);
+            let (mut sum, mut weights) = (Rgb::ZERO, 0.0);
+            for (site, weight) in corners.iter().map(|&site| (site as usize, corner_share)).chain([centre]) {
+                if !covered[site] {
+                    sum += values[site].irradiance * weight;
+                    weights += weight;
+                }
+            }
+            (weights > 0.0).then(|| (*leaf, sum / weights))
         });
         means.collect()
     }

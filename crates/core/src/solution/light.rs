@@ -1,6 +1,6 @@
 //! Radiosity and irradiance of every element, and how they travel up and down the quadtrees.
 
-use crate::scene::Scene;
+use crate::scene::{Polygon, Scene};
 use crate::tree::{ElementId, Elements};
 use crate::units::Rgb;
 use serde::{Deserialize, Serialize};
@@ -25,22 +25,25 @@ pub struct Light {
     /// Values of this iteration; empty when updated in place.
     next: Vec<Rgb>,
     irradiance: Vec<Rgb>,
+    /// Share that nothing covers.
+    exposure: Vec<f64>,
 }
 
 impl Light {
-    /// Starts from emission: `B = E`, `H = 0`.
+    /// Starts from emission: `B = E`, `H = 0`. `exposure`: the share of each element that nothing covers.
     #[must_use]
-    pub fn emitted(scene: &Scene, elements: &Elements, update: Update) -> Light {
+    pub fn emitted(scene: &Scene, elements: &Elements, exposure: Vec<f64>, update: Update) -> Light {
         let radiosity: Vec<Rgb> =
             elements.as_slice().iter().map(|element| scene.polygons[element.polygon as usize].emission).collect();
         let next = if update == Update::Jacobi { radiosity.clone() } else { Vec::new() };
-        Light { update, next, irradiance: vec![Rgb::ZERO; radiosity.len()], radiosity }
+        let irradiance = vec![Rgb::ZERO; radiosity.len()];
+        Light { update, next, irradiance, radiosity, exposure }
     }
 
     /// From stored values, one per element.
     #[must_use]
-    pub fn from_values(radiosity: Vec<Rgb>, irradiance: Vec<Rgb>) -> Light {
-        Light { update: Update::InPlace, radiosity, next: Vec::new(), irradiance }
+    pub fn from_values(radiosity: Vec<Rgb>, irradiance: Vec<Rgb>, exposure: Vec<f64>) -> Light {
+        Light { update: Update::InPlace, radiosity, next: Vec::new(), irradiance, exposure }
     }
 
     /// Radiosity that others see, W/m² or lm/m².
@@ -55,6 +58,18 @@ impl Light {
         self.irradiance[id.index()]
     }
 
+    /// Share of the element that nothing covers, in `[0, 1]`.
+    #[must_use]
+    pub fn exposure(&self, id: ElementId) -> f64 {
+        self.exposure[id.index()]
+    }
+
+    /// All exposures, by element.
+    #[must_use]
+    pub fn exposures(&self) -> &[f64] {
+        &self.exposure
+    }
+
     /// All radiosities, by element.
     #[must_use]
     pub fn radiosities(&self) -> &[Rgb] {
@@ -67,8 +82,10 @@ impl Light {
         &self.irradiance
     }
 
-    /// Takes in the four children that were appended to the elements when `parent` was split: they have its values.
-    pub fn adopt(&mut self, parent: ElementId) {
+    /// Takes in the four children that were appended to the elements when `parent` was split: they have its values, and
+    /// exposures of their own.
+    pub fn adopt(&mut self, parent: ElementId, exposure: [f64; 4]) {
+        self.exposure.extend(exposure);
         for values in [&mut self.radiosity, &mut self.irradiance, &mut self.next] {
             if let Some(&value) = values.get(parent.index()) {
                 values.extend([value; 4]);
@@ -76,24 +93,44 @@ impl Light {
         }
     }
 
-    /// A leaf has gathered `irradiance`.
-    pub fn set(&mut self, id: ElementId, irradiance: Rgb, radiosity: Rgb) {
+    /// The open part of a leaf of `polygon` receives `open` on average, W/m² or lm/m²: `B = E + rho open`, and
+    /// `H = exposure open`. Where nothing is open, nothing arrives.
+    pub fn settle(&mut self, id: ElementId, polygon: &Polygon, open: Rgb) {
+        let exposure = self.exposure[id.index()];
+        let open = if exposure > 0.0 { open } else { Rgb::ZERO };
+        self.set(id, open * exposure, polygon.emission + polygon.reflectance * open);
+    }
+
+    fn set(&mut self, id: ElementId, irradiance: Rgb, radiosity: Rgb) {
         self.irradiance[id.index()] = irradiance;
         self.fresh()[id.index()] = radiosity;
     }
 
-    /// Pulls the area-weighted means of the children up into their parent. Equal children give exactly their value.
+    /// Pulls the means of the children up into their parent: irradiance and exposure weighted by area, radiosity by open
+    /// area. Equal children give exactly their value.
     pub fn pull(&mut self, parent: ElementId, elements: &Elements) {
         let area = elements.get(parent).area;
         let Some(first) = elements.get(parent).first_child.some() else { return };
-        let mean = |values: &[Rgb]| {
+        let base = self.exposure[first.index()];
+        let exposure = elements
+            .children(parent)
+            .fold(base, |sum, child| sum + (self.exposure[child.index()] - base) * (elements.get(child).area / area));
+        let open: Vec<f64> =
+            elements.children(parent).map(|child| elements.get(child).area * self.exposure[child.index()]).collect();
+        let open_area: f64 = open.iter().sum();
+        let mean = |values: &[Rgb], weight: &dyn Fn(usize, ElementId) -> f64| {
             let base = values[first.index()];
-            elements
-                .children(parent)
-                .fold(base, |sum, child| sum + (values[child.index()] - base) * (elements.get(child).area / area))
+            let children = elements.children(parent).enumerate();
+            children.fold(base, |sum, (k, child)| sum + (values[child.index()] - base) * weight(k, child))
         };
-        let irradiance = mean(&self.irradiance);
-        let radiosity = mean(self.fresh());
+        let by_area = |_, child| elements.get(child).area / area;
+        let irradiance = mean(&self.irradiance, &by_area);
+        let radiosity = if exposure < 1.0 && open_area > 0.0 {
+            mean(self.fresh(), &|k, _| open[k] / open_area)
+        } else {
+            mean(self.fresh(), &by_area)
+        };
+        self.exposure[parent.index()] = exposure;
         self.irradiance[parent.index()] = irradiance;
         self.fresh()[parent.index()] = radiosity;
     }
@@ -105,10 +142,13 @@ impl Light {
         }
     }
 
-    /// Sum of area times radiosity over the roots, W or lm.
+    /// Sum of open area times radiosity over the roots, W or lm: all that leaves.
     #[must_use]
     pub fn total(&self, elements: &Elements) -> Rgb {
-        (0..elements.roots() as u32).map(ElementId).map(|root| self.radiosity(root) * elements.get(root).area).sum()
+        (0..elements.roots() as u32)
+            .map(ElementId)
+            .map(|root| self.radiosity(root) * (elements.get(root).area * self.exposure(root)))
+            .sum()
     }
 
     fn fresh(&mut self) -> &mut Vec<Rgb> {
@@ -118,31 +158,42 @@ impl Light {
         }
     }
 
-    /// Checks the invariants of a finished solution: one finite, not negative value per element; leaves fulfil
-    /// `B = E + rho H` and parents are the area-weighted means of their children, to rounding.
+    /// Checks the invariants of a finished solution: one finite, not negative value per element; exposures in `[0, 1]`;
+    /// leaves fulfil `B = E + rho H / exposure` (and are dark where that is 0); parents have the means of their children,
+    /// weighted by area or, their radiosities, by open area; all to rounding.
     ///
     /// # Errors
     /// The first violation.
     pub fn check(&self, scene: &Scene, elements: &Elements) -> Result<(), LightViolation> {
-        if self.radiosity.len() != elements.len() || self.irradiance.len() != elements.len() {
+        let lengths = [self.radiosity.len(), self.irradiance.len(), self.exposure.len()];
+        if lengths.iter().any(|&length| length != elements.len()) {
             return Err(LightViolation { element: ElementId::NONE, what: "one value per element" });
         }
         for id in (0..elements.len() as u32).map(ElementId) {
             let fail = |what| Err(LightViolation { element: id, what });
-            let (radiosity, irradiance) = (self.radiosity(id), self.irradiance(id));
+            let (radiosity, irradiance, exposure) = (self.radiosity(id), self.irradiance(id), self.exposure(id));
             if !(radiosity.is_finite() && irradiance.is_finite())
                 || radiosity.min_component().min(irradiance.min_component()) < 0.0
             {
                 return fail("values are finite and not negative");
             }
+            // Means of four areas that add up to 1e-9, see `Elements::check`.
+            if !(0.0..=1.0 + 1e-9).contains(&exposure) {
+                return fail("exposures lie between 0 and 1");
+            }
             let (expected, what) = if elements.is_leaf(id) {
                 let polygon = &scene.polygons[elements.get(id).polygon as usize];
-                (polygon.emission + polygon.reflectance * irradiance, "leaves fulfil B = E + rho H")
+                if exposure == 0.0 && irradiance != Rgb::ZERO {
+                    return fail("no light falls on a covered leaf");
+                }
+                let open = if exposure > 0.0 { irradiance / exposure } else { Rgb::ZERO };
+                (polygon.emission + polygon.reflectance * open, "leaves fulfil B = E + rho H / exposure")
             } else {
-                let area = elements.get(id).area;
-                let sum: Rgb =
-                    elements.children(id).map(|child| self.radiosity(child) * elements.get(child).area).sum();
-                (sum / area, "parents are the mean of their children")
+                let weight = |child| elements.get(child).area * self.exposure(child);
+                let weights: f64 = elements.children(id).map(weight).sum();
+                let sum: Rgb = elements.children(id).map(|child| self.radiosity(child) * weight(child)).sum();
+                let mean = if weights > 0.0 { sum / weights } else { radiosity };
+                (mean, "parents are the mean of their children")
             };
             // Sums of five terms and areas that add up to 1e-9, see `Elements::check`.
             if (0..3).any(|band| (expected[band] - radiosity[band]).abs() > 2e-9 * radiosity[band].abs()) {

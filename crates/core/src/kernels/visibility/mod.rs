@@ -5,9 +5,12 @@
 //! all rays of the pair as one beam (1.8); `docs/theory/visibility.md` has the rules and the table. The beam is
 //! [`visibility`]; the other is kept as [`visibility_ray_by_ray`].
 
+mod exposure;
+mod flow;
 mod point;
 mod sample;
 
+pub use exposure::{exposure, is_exposed};
 pub use point::point_visibility;
 pub(crate) use sample::SplitMix64;
 
@@ -45,6 +48,18 @@ pub enum Weighting {
     Carried,
 }
 
+/// What becomes of parts of elements that something covers.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Covered {
+    /// They count as any other part, as in the paper: the element is as bright as all of it is on average, hidden parts
+    /// included.
+    Counted,
+    /// They are [measured](exposure) and left out: the element is as bright as its open part.
+    #[default]
+    LeftOut,
+}
+
 /// How rays are drawn and counted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Sampling {
@@ -58,20 +73,6 @@ pub struct Sampling {
 impl From<Rays> for Sampling {
     fn from(rays: Rays) -> Sampling {
         Sampling { rays, weighting: Weighting::Equal }
-    }
-}
-
-impl Sampling {
-    /// Weight of a ray between the patches of a pair.
-    fn weight(self, pair: &Pair<'_>, segment: &Segment) -> f64 {
-        match self.weighting {
-            Weighting::Equal => 1.0,
-            Weighting::Carried => {
-                let (heights, square) = segment.heights(pair.bsp.tolerance());
-                let area = pair.a.area.min(pair.b.area) / SUB_ELEMENTS as f64;
-                heights[0] * heights[1] / (square * (std::f64::consts::PI * square + area))
-            }
-        }
     }
 }
 
@@ -147,7 +148,8 @@ pub struct Sight {
 }
 
 impl Sight {
-    const BLOCKED: Sight = Sight { share: 0.0, proven: true };
+    /// One polygon hides all of one patch from all of the other.
+    pub const BLOCKED: Sight = Sight { share: 0.0, proven: true };
 }
 
 /// The fragment that blocked last; tried first on the next pair. It saves time where pairs come in an order of
@@ -211,9 +213,9 @@ impl Pair<'_> {
         seed: u64,
         hint: &mut Blocker,
         probe: &mut impl Probe,
-        arrange: impl Fn(&Sample) -> [(Packet, u16); N],
+        arrange: impl Fn(&Sample) -> [flow::Rays; N],
     ) -> Option<Sight> {
-        let prepare = |probe: &mut _| Shot::<N>::new(arrange(&Sample::new(self, seed)), probe);
+        let prepare = |probe: &mut _| Shot::<N>::new(self.draw(seed, &arrange), probe);
         let mut shot: Option<Shot<N>> = None;
         if !self.beam.is_whole() {
             let prepared = prepare(probe);
@@ -242,6 +244,31 @@ impl Pair<'_> {
     }
 }
 
+/// Rays of a pair, and whether they count the same.
+struct Drawn<const N: usize> {
+    rays: [flow::Rays; N],
+    equal: bool,
+}
+
+impl Pair<'_> {
+    /// Rays as light flows where the pair is near and rays count for what they carry, else between sample points.
+    fn draw<const N: usize>(&self, seed: u64, arrange: impl Fn(&Sample) -> [flow::Rays; N]) -> Drawn<N> {
+        let equal = self.sampling.weighting == Weighting::Equal;
+        let mut random = SplitMix64::new(seed);
+        if !equal && let Some(rays) = flow::draw([self.a, self.b], self.bsp.tolerance(), &mut random) {
+            return Drawn { rays, equal: true };
+        }
+        Drawn { rays: arrange(&Sample::new(self, seed)), equal }
+    }
+
+    /// What a ray between sample points would carry.
+    fn weight(&self, segment: &Segment) -> f64 {
+        let (heights, square) = segment.heights(self.bsp.tolerance());
+        let area = self.a.area.min(self.b.area) / SUB_ELEMENTS as f64;
+        heights[0] * heights[1] / (square * (std::f64::consts::PI * square + area))
+    }
+}
+
 /// Sample points of a pair and the permutation that joins them.
 struct Sample<'a> {
     pair: &'a Pair<'a>,
@@ -266,13 +293,13 @@ impl<'a> Sample<'a> {
     }
 
     /// Each point with its partner.
-    fn joined(&self) -> (Packet, u16) {
-        Packet::new(|k| self.segment(k, self.partner[k] as usize))
+    fn joined(&self) -> flow::Rays {
+        std::array::from_fn(|k| self.segment(k, self.partner[k] as usize))
     }
 
     /// Each point with each of the other patch.
-    fn crossed(&self) -> [(Packet, u16); SUB_ELEMENTS] {
-        std::array::from_fn(|i| Packet::new(|j| self.segment(i, j)))
+    fn crossed(&self) -> [flow::Rays; SUB_ELEMENTS] {
+        std::array::from_fn(|i| std::array::from_fn(|j| self.segment(i, j)))
     }
 }
 
@@ -283,16 +310,25 @@ struct Shot<const N: usize> {
     open: [u16; N],
     dimmed: [u16; N],
     count: u32,
+    equal: bool,
 }
 
 impl<const N: usize> Shot<N> {
-    fn new(packets: [(Packet, u16); N], probe: &mut impl Probe) -> Shot<N> {
+    fn new(drawn: Drawn<N>, probe: &mut impl Probe) -> Shot<N> {
+        let packets: [_; N] = std::array::from_fn(|k| Packet::new(|lane| drawn.rays[k][lane]));
         let present: [u16; N] = std::array::from_fn(|k| packets[k].1);
         let count = present.iter().map(|present| present.count_ones()).sum();
         for _ in 0..count {
             probe.ray();
         }
-        Shot { packets: packets.map(|(packet, _)| packet), present, open: present, dimmed: [0; N], count }
+        Shot {
+            packets: packets.map(|(packet, _)| packet),
+            present,
+            open: present,
+            dimmed: [0; N],
+            count,
+            equal: drawn.equal,
+        }
     }
 
     /// Tests a polygon against the rays that are still open; true when it blocked the last of them.
@@ -317,7 +353,7 @@ impl<const N: usize> Shot<N> {
         let (mut sum, mut total) = (0.0, 0.0);
         for k in 0..N {
             for lane in (0..SUB_ELEMENTS).filter(|&lane| self.present[k] >> lane & 1 == 1) {
-                let weight = pair.sampling.weight(pair, &self.packets[k].segment(lane));
+                let weight = if self.equal { 1.0 } else { pair.weight(&self.packets[k].segment(lane)) };
                 total += weight;
                 if self.open[k] >> lane & 1 == 1 {
                     let dimmed = self.dimmed[k] >> lane & 1 == 1;
@@ -349,30 +385,24 @@ pub fn visibility_ray_by_ray<P: Probe>(
     let Some(beam) = Beam::between((a.corners, a.plane), (b.corners, b.plane), bsp.tolerance()) else { return 0.0 };
     let sampling = sampling.into();
     let pair = Pair { bsp, scene, a, b, beam: &beam, sampling };
-    let sample = Sample::new(&pair, seed);
-    let (mut count, mut sum, mut total) = (0_u32, 0.0, 0.0);
-    let mut shoot = |segment: Option<Segment>| {
-        if let Some(segment) = segment {
+    let mut passed = |drawn: &[flow::Rays], equal: bool| {
+        let (mut count, mut sum, mut total) = (0_u32, 0.0, 0.0);
+        for segment in drawn.iter().flatten().flatten() {
             probe.ray();
             count += 1;
-            let weight = sampling.weight(&pair, &segment);
+            let weight = if equal { 1.0 } else { pair.weight(segment) };
             total += weight;
-            sum += weight * bsp.segment_transmittance(scene, segment, probe);
+            sum += weight * bsp.segment_transmittance(scene, *segment, probe);
         }
-        count
+        (count > 0).then(|| sum / total)
     };
-    let mut counted = 0;
-    if sampling.rays == Rays::Sixteen {
-        for i in 0..SUB_ELEMENTS {
-            counted = shoot(sample.segment(i, sample.partner[i] as usize));
-        }
-    }
-    if counted == 0 {
-        for k in 0..SUB_ELEMENTS * SUB_ELEMENTS {
-            counted = shoot(sample.segment(k / SUB_ELEMENTS, k % SUB_ELEMENTS));
-        }
-    }
-    if counted == 0 { 0.0 } else { sum / total }
+    let sixteen = (sampling.rays == Rays::Sixteen)
+        .then(|| pair.draw(seed, |sample| [sample.joined()]))
+        .and_then(|drawn| passed(&drawn.rays, drawn.equal));
+    sixteen.unwrap_or_else(|| {
+        let drawn = pair.draw(seed, |sample| sample.crossed());
+        passed(&drawn.rays, drawn.equal).unwrap_or(0.0)
+    })
 }
 
 #[cfg(test)]
