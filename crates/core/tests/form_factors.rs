@@ -166,7 +166,7 @@ fn tilted_squares() {
     assert!(error.abs() < 1e-3, "{error:e}");
 }
 
-/// `1/(2 pi) sum gamma_i (R_(i+1) x R_i)/|..| . n` (Baum, Rushmeier, Winget 1989, equation 9), no clipping.
+/// `1/(2 pi) sum gamma_i (R_(i+1) x R_i)/|..| . n` (Lambert 1760; Baum, Rushmeier, Winget 1989), no clipping.
 fn textbook(point: DVec3, normal: DVec3, corners: &[DVec3]) -> f64 {
     let mut sum = 0.0;
     for i in 0..corners.len() {

@@ -42,8 +42,8 @@ pub enum FormFactor {
 /// `r`: distance, metres; `w`: area that a quadrature point stands for, m². A patch's radius is the largest distance of
 /// a corner from the mean of its corners.
 ///
-/// **Source.** Reciprocity and the double integral: H. C. Hottel, A. F. Sarofim, *Radiative Transfer* (1967), chapter
-/// 2. Points to polygon: Baum, Rushmeier, Winget (SIGGRAPH 1989), section 4.
+/// **Source.** Reciprocity and the double integral: H. C. Hottel, A. F. Sarofim, *Radiative Transfer* (1967).
+/// Points to polygon: Baum, Rushmeier, Winget (SIGGRAPH 1989).
 ///
 /// **Preconditions.** Planar convex patches, corners counter-clockwise about their planes' normals. Any position is
 /// allowed, overlap included. Points in each other's plane exchange nothing, so two coincident patches have `G = 0`.

@@ -46,7 +46,7 @@ pub struct Thresholds {
 /// - `radiosity` B_j of the source, mean over bands, W/m² or lm/m²
 /// - `areas` of receiver and source, m²; of two equal ones the receiver is split
 ///
-/// Source: Hanrahan, Salzman, Aupperle 1991, "A rapid hierarchical radiosity algorithm", section 3 (BF refinement);
+/// Source: Hanrahan, Salzman, Aupperle 1991, "A rapid hierarchical radiosity algorithm" (BF refinement);
 /// Podehl, Rauber, Rünger 1996, section 2.
 ///
 /// Preconditions: all values finite and not negative. The decision is exact: there is no error to bound.

@@ -5,7 +5,7 @@ use crate::scene::Corners;
 use glam::DVec3;
 
 /// A random sequence that is the same on every machine: SplitMix64 (Steele, Lea, Flood, "Fast splittable pseudorandom
-/// number generators", OOPSLA 2014, figure 17, with its published constants).
+/// number generators", OOPSLA 2014, with its published constants).
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SplitMix64 {
     state: u64,
