@@ -127,7 +127,8 @@ fn d10_a_patch_half_behind_a_plane_keeps_its_visibility() {
     };
     let mut open = 0;
     for p in middles(&floor) {
-        open += middles(&wall).iter().filter(|&&q| floor.plane.distance(q) > 0.0 && wall.plane.distance(p) > 0.0).count();
+        open +=
+            middles(&wall).iter().filter(|&&q| floor.plane.distance(q) > 0.0 && wall.plane.distance(p) > 0.0).count();
     }
     assert_eq!(open, 128);
 }

@@ -6,10 +6,10 @@
 mod common;
 
 use common::{draft, shipped, solved};
+use isolux::core::kernels::Counts;
 use isolux::core::kernels::form_factor::FormFactor;
 use isolux::core::kernels::oracle::Thresholds;
 use isolux::core::kernels::visibility::Sampling;
-use isolux::core::kernels::Counts;
 use isolux::core::links::Hierarchy;
 use isolux::core::scene::Scene;
 use isolux::core::solution::{Flow, Parameters, Solver, Stop, Unobserved, pilot_irradiance};
