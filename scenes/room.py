@@ -1,4 +1,4 @@
-"""A furnished room of 346 polygons: daylight panes, two ceiling lamps, a floor lamp and a desk lamp.
+"""A furnished room of 346 polygons (D3): daylight panes, two ceiling lamps, a floor lamp and a desk lamp.
 
 x runs east, z runs south; the room is 5.2 m x 4.2 m and 2.7 m high. Where two things touch, the face that the
 contact hides is left out, so that no two faces lie on each other.

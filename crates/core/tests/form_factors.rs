@@ -343,7 +343,7 @@ fn a_wall_across_the_edge_of_a_floor() {
     assert!(error.abs() < 1e-3, "{error:e}");
 }
 
-/// The disks' errors as they are, for `DEVIATIONS.md`: would catch a change of the paper's kernel in either direction
+/// D5. The disks' errors as they are, for `DEVIATIONS.md`: would catch a change of the paper's kernel in either direction
 /// (5 % of each recorded error).
 #[test]
 fn disk_errors_keep_their_size() {

@@ -16,7 +16,7 @@ use std::cmp::Ordering;
 pub enum FormFactor {
     /// Four points to four disks (Wallace et al. 1989): the paper's.
     Disks,
-    /// The closed form (Lambert 1760) from points on the smaller patch, as many as the pair needs.
+    /// The closed form (Lambert 1760) from points on the smaller patch, as many as the pair needs (D5).
     #[default]
     Lambert,
 }
@@ -52,7 +52,9 @@ pub enum FormFactor {
 /// `separate_pairs_meet_their_bound`), 3e-3 for pairs that share an edge and all but one in 3,000 that cross
 /// (`touching_pairs_meet_their_bound`, `what_is_known_to_be_worse`), 1e-2 for parallel squares with a gap below a
 /// hundredth of their side (`parallel_rectangles`). What is short and closer to a long smaller patch than 1e-4 of its
-/// radius is not seen (`what_is_known_to_be_worse`). `0 <= G <= min(A_a, A_b)`. Swapping a and b gives the same bits (test `swapping_gives_the_same_bits`).
+/// radius is not seen (`what_is_known_to_be_worse`). `0 <= G <= min(A_a, A_b)`.
+///
+/// Swapping a and b gives the same bits (test `swapping_gives_the_same_bits`).
 pub fn exchange_area<P: Probe>(a: &Patch, b: &Patch, method: FormFactor, probe: &mut P) -> f64 {
     let (small, large) = if order(a, b) == Ordering::Greater { (b, a) } else { (a, b) };
     match method {
@@ -71,7 +73,7 @@ const DISK_TERMS: u32 = 16;
 /// points: some thousand units of rounding, and far below any difference that matters to the choice.
 const EQUAL_AREAS: f64 = 1e-12;
 
-/// The canonical order of a pair: smaller area first, then by corners; equal only for identical corners.
+/// The canonical order of a pair (D6): smaller area first, then by corners; equal only for identical corners.
 fn order(a: &Patch, b: &Patch) -> Ordering {
     if (a.area - b.area).abs() > EQUAL_AREAS * a.area.max(b.area) {
         return a.area.total_cmp(&b.area);
@@ -692,7 +694,7 @@ mod tests {
         assert!(low(9e-5) > 0.9);
     }
 
-    /// Would catch an order that depends on the argument's place: random pairs and pairs of equal areas, both methods.
+    /// D6. Would catch an order that depends on the argument's place: random pairs and pairs of equal areas, both methods.
     #[test]
     fn swapping_gives_the_same_bits() {
         let mut all = pairs(5, 300, (0.3, 6.0), 1.0);

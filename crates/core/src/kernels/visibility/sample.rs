@@ -1,4 +1,4 @@
-//! Sample points: a patch and a random sequence go in, one jittered point in each of its 16 sub-elements comes out.
+//! Sample points: a patch and a random sequence go in, one jittered point in each of its 16 sub-elements comes out (D9).
 
 use crate::sampling::{GOLDEN, mix};
 use crate::scene::Corners;
