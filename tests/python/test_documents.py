@@ -45,11 +45,8 @@ def test_functions_named_in_documents_exist():
 
 def test_paths_named_in_documents_exist():
     """Catches a file that was moved or removed while a document goes on to name it."""
-    for path in [
-        *sorted(ROOT.glob("*.md")),
-        *sorted((ROOT / "docs").glob("**/*.md")),
-        ROOT / "scenes/README.md",
-    ]:
+    pages = [*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), ROOT / "scenes/README.md"]
+    for path in sorted(pages):
         text = path.read_text(encoding="utf-8")
         named = re.findall(r"`((?:crates|python|docs|scenes|tests|benches)/[\w./-]+)`", text)
         missing = [name for name in named if not (ROOT / name).exists()]
