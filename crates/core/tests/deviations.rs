@@ -53,8 +53,8 @@ fn patch(polygon: &Polygon) -> Patch<'_> {
 }
 
 /// D4: a back that sees a share s of lit surroundings is overlooked in `(1 - s)^64` of all seeds (here 0.95 % and 54 %),
-/// and its light is then reported as lost. Would catch another number of rays, rays that are not drawn by the cosine, a back that wakes
-/// without light, and a balance that hides what sleeping backs swallow.
+/// and its light is then reported as lost. Would catch another number of rays, rays that are not drawn by the cosine, a
+/// back that wakes without light, and a balance that hides what sleeping backs swallow.
 #[test]
 fn d04_backs_that_see_little_light_are_overlooked_as_often_as_stated() {
     let mut input = empty();
