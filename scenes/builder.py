@@ -26,6 +26,14 @@ LUMINANCE = (0.2126, 0.7152, 0.0722)  # weights of linear sRGB primaries, IEC 61
 BLACK: Vec = (0.0, 0.0, 0.0)
 NO_ROTATION: Quaternion = (0.0, 0.0, 0.0, 1.0)
 SIDES = ("-x", "+x", "-y", "+y", "-z", "+z")
+# A known answer of every closed scene whose faces reflect less than all.
+FLUX_IS_ABSORBED = {
+    "quantity": "absorbed over emitted flux, each channel",
+    "value": 1.0,
+    "unit": "1",
+    "formula": "sum over the faces of (1 - rho) H A = emitted flux",
+    "source": "closed scene",
+}
 
 
 def add(a: Vec, b: Vec) -> Vec:

@@ -1,6 +1,6 @@
 """An L-shaped corridor: a wall lamp lights one leg, the other gets reflected light only."""
 
-from builder import Material, Mesh, Scene, light
+from builder import FLUX_IS_ABSORBED, Material, Mesh, Scene, light
 
 WIDTH = 1.5
 HEIGHT = 2.5
@@ -61,13 +61,7 @@ def main() -> None:
                 "formula": f"the emitting face lies in z = {WIDTH - 0.08} m and faces -z",
                 "source": "geometry; so the second leg (z > 1.5 m) gets reflected light only",
             },
-            {
-                "quantity": "absorbed over emitted flux, each channel",
-                "value": 1.0,
-                "unit": "1",
-                "formula": "sum over the faces of (1 - rho) H A = emitted flux",
-                "source": "closed scene",
-            },
+            FLUX_IS_ABSORBED,
         ],
     )
 

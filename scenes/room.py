@@ -1,4 +1,4 @@
-"""A furnished room of 346 polygons: daylight panes, two ceiling lamps, a floor lamp and a desk lamp.
+"""A furnished room of 346 polygons (D3): daylight panes, two ceiling lamps, a floor lamp and a desk lamp.
 
 x runs east, z runs south; the room is 5.2 m x 4.2 m and 2.7 m high. Where two things touch, the face that the
 contact hides is left out, so that no two faces lie on each other.
@@ -6,7 +6,7 @@ contact hides is left out, so that no two faces lie on each other.
 
 from collections.abc import Sequence
 
-from builder import Material, Mesh, Node, Scene, Vec, light, loop, square, turn
+from builder import FLUX_IS_ABSORBED, Material, Mesh, Node, Scene, Vec, light, loop, square, turn
 
 EAST, SOUTH, HEIGHT = 5.2, 4.2, 2.7
 POLYGONS = 346
@@ -342,15 +342,7 @@ def main() -> None:
         closed=True,
         closed_note="Every ray from inside ends on a front face; emitting panes close the window.",
         notes=["Emission stands for: overcast sky on the window, lamps at full brightness."],
-        known_answers=[
-            {
-                "quantity": "absorbed over emitted flux, each channel",
-                "value": 1.0,
-                "unit": "1",
-                "formula": "sum over the faces of (1 - rho) H A = emitted flux",
-                "source": "closed scene",
-            }
-        ],
+        known_answers=[FLUX_IS_ABSORBED],
     )
 
 

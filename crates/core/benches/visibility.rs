@@ -1,5 +1,5 @@
 //! Time of one visibility in a furnished room of 348 polygons, over pairs such as a radiosity run draws: mostly small
-//! elements far apart.
+//! elements far apart; rays count the same (`Weighting::Equal`).
 
 #![allow(missing_docs, clippy::unwrap_used, clippy::print_stdout)]
 
@@ -7,7 +7,7 @@
 mod bsp_scenes;
 
 use bsp_scenes::*;
-use criterion::{Criterion, criterion_group, criterion_main};
+use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use isolux_core::kernels::visibility::{Blocker, Rays, sight, visibility, visibility_ray_by_ray};
 use isolux_core::kernels::{Counts, NoProbe};
 use isolux_core::scene::{Polygon, Scene};
@@ -52,11 +52,11 @@ fn pairs(scene: &Scene) -> Vec<(Polygon, Polygon)> {
 
 type Kernel = fn(&Bsp, &Scene, &Polygon, &Polygon, Rays, u64, &mut Blocker) -> f64;
 
-fn packet(bsp: &Bsp, scene: &Scene, a: &Polygon, b: &Polygon, rays: Rays, seed: u64, _: &mut Blocker) -> f64 {
+fn beam(bsp: &Bsp, scene: &Scene, a: &Polygon, b: &Polygon, rays: Rays, seed: u64, _: &mut Blocker) -> f64 {
     visibility(bsp, scene, &patch(a), &patch(b), rays, seed, &mut NoProbe)
 }
 
-fn single(bsp: &Bsp, scene: &Scene, a: &Polygon, b: &Polygon, rays: Rays, seed: u64, _: &mut Blocker) -> f64 {
+fn one_by_one(bsp: &Bsp, scene: &Scene, a: &Polygon, b: &Polygon, rays: Rays, seed: u64, _: &mut Blocker) -> f64 {
     visibility_ray_by_ray(bsp, scene, &patch(a), &patch(b), rays, seed, &mut NoProbe)
 }
 
@@ -93,18 +93,18 @@ fn bench(criterion: &mut Criterion) {
     for order in [InsertionOrder::AsGiven, InsertionOrder::LargestFirst, InsertionOrder::Random(1)] {
         let bsp = Bsp::build(&scene, order);
         println!("{order:?}: {} fragments, {} nodes", bsp.fragments().len(), bsp.nodes().len());
-        count("packet", &pairs, |a, b, seed, counts| {
+        count("beam", &pairs, |a, b, seed, counts| {
             visibility(&bsp, &scene, &patch(a), &patch(b), Rays::Sixteen, seed, counts)
         });
-        count("single", &pairs, |a, b, seed, counts| {
+        count("one by one", &pairs, |a, b, seed, counts| {
             visibility_ray_by_ray(&bsp, &scene, &patch(a), &patch(b), Rays::Sixteen, seed, counts)
         });
         let n = pairs.len() as f64;
         let kernels: [(&str, Kernel, Rays); 4] = [
-            ("packet/16", packet, Rays::Sixteen),
-            ("hinted/16", hinted, Rays::Sixteen),
-            ("single/16", single, Rays::Sixteen),
-            ("packet/256", packet, Rays::TwoHundredFiftySix),
+            ("beam, 16 rays", beam, Rays::Sixteen),
+            ("beam with hint, 16 rays", hinted, Rays::Sixteen),
+            ("one by one, 16 rays", one_by_one, Rays::Sixteen),
+            ("beam, 256 rays", beam, Rays::TwoHundredFiftySix),
         ];
         for (name, kernel, rays) in kernels {
             let fastest = (0..40)
@@ -119,8 +119,10 @@ fn bench(criterion: &mut Criterion) {
                 .min()
                 .unwrap();
             println!("{order:?}/{name}: fastest of 40: {:.0} ns per visibility", fastest.as_nanos() as f64 / n);
-            // One turn is all 4096 pairs: 4.096 us of a turn are 1 ns of a visibility.
-            criterion.bench_function(&format!("{order:?}/{name} x {PAIRS}"), |bencher| {
+            // One turn is all pairs: the throughput is in visibilities.
+            let mut group = criterion.benchmark_group(format!("{order:?}"));
+            group.throughput(Throughput::Elements(PAIRS as u64));
+            group.bench_function(name, |bencher| {
                 bencher.iter(|| {
                     let mut hint = Blocker::default();
                     let mut sum = 0.0;
@@ -130,6 +132,7 @@ fn bench(criterion: &mut Criterion) {
                     black_box(sum)
                 });
             });
+            group.finish();
         }
     }
 }

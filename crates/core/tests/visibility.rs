@@ -151,7 +151,7 @@ fn random_scene(seed: u64) -> Scene {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 64, rng_seed: proptest::test_runner::RngSeed::Fixed(1), failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// Catches a subtree that is left out wrongly, a wrong edge, a hit that depends on how polygons were cut: the tree's
+    /// D2. Catches a subtree that is left out wrongly, a wrong edge, a hit that depends on how polygons were cut: the tree's
     /// answers against a search over all polygons, for four orders of insertion.
     #[test]
     fn rays_agree_with_a_search_over_all_polygons(seed in any::<u64>()) {
@@ -184,7 +184,7 @@ proptest! {
         }
     }
 
-    /// Catches a beam that leaves out a blocker, or takes all rays for blocked when one is not: equal, bit for bit, to
+    /// D8. Catches a beam that leaves out a blocker, or takes all rays for blocked when one is not: equal, bit for bit, to
     /// single rays, in all orders of insertion, with and without a hint, for 16 and 256 rays.
     #[test]
     fn beams_agree_with_single_rays(seed in any::<u64>()) {
@@ -320,7 +320,7 @@ fn point_visibility_is_unbiased() {
     assert!(deviation <= 0.125, "{deviation}");
 }
 
-/// Catches a bias of sampling, pairing or tree: the mean over 20,000 seeds of the estimate by 16 rays, and over 2,000 of
+/// D9. Catches a bias of sampling, pairing or tree: the mean over 20,000 seeds of the estimate by 16 rays, and over 2,000 of
 /// that by 256, against a million rays that know nothing of the tree; and a scatter above that of independent rays.
 #[test]
 fn partial_visibility_is_unbiased() {
@@ -657,7 +657,7 @@ fn on_edge(corners: &[DVec3], random: &mut Random, k: usize) -> DVec3 {
     corners[i] + (corners[(i + 1) % corners.len()] - corners[i]) * t
 }
 
-/// Catches masks and opacities that are ignored, counted twice (a polygon that is cut in many fragments) or told in the
+/// D12. Catches masks and opacities that are ignored, counted twice (a polygon that is cut in many fragments) or told in the
 /// wrong order.
 #[test]
 fn masks_and_opacity_let_light_pass() {

@@ -1,4 +1,4 @@
-//! The last pass of a solve on all cores: irradiance gathered at the sites of the smooth mesh.
+//! The last pass of a solve on all cores: irradiance gathered at the sites of the smooth mesh (D19).
 
 use isolux_core::kernels::Counts;
 use isolux_core::links::{Evaluator, Hierarchy};
@@ -39,7 +39,7 @@ pub(crate) fn gather(
         let mut values = Vec::with_capacity(sites.len());
         for chunk in sites.chunks(SITES_PER_WATCH * pool.current_num_threads()) {
             let done = from + (to - from) * values.len() as f64 / sites.len() as f64;
-            let links = hierarchy.links.receivers();
+            let links = hierarchy.links.len();
             let progress = Progress {
                 phase: Phase::Interpolation,
                 done,

@@ -16,7 +16,7 @@ use isolux_core::units::Rgb;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// `BF_eps` in units of asked error times mean irradiance.
+/// D15: `BF_eps` in units of asked error times mean irradiance.
 const BF_PER_ERROR: f64 = 0.25;
 
 /// `A_eps` in units of asked error squared times the scene's area.

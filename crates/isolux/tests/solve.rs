@@ -42,7 +42,7 @@ fn furnace(settings: &Settings) -> [f64; 3] {
     [low, high, rms]
 }
 
-/// Catches any error in factors, links, gather, push, pull and interpolation that does not conserve light: in a closed
+/// D19. Catches any error in factors, links, gather, push, pull and interpolation that does not conserve light: in a closed
 /// box of reflectance 1/2 and emission 1, the radiosity is 2 everywhere, edges and corners included.
 /// Within 1 % is promised; measured up to +0.10 %, RMS 0.08 %, so twice that is allowed.
 #[test]
@@ -54,7 +54,7 @@ fn the_furnace_has_radiosity_two() {
     assert!(high < 2e-3, "{high}");
 }
 
-/// Catches a change of the paper's disks, whose factors do not sum to one near edges: the size of their error, from
+/// D5. Catches a change of the paper's disks, whose factors do not sum to one near edges: the size of their error, from
 /// both sides (measured -11.6 % to +52.9 %, RMS 8.1 %, averaged over leaves and refined as in the paper).
 #[test]
 fn the_furnace_with_disks_is_off_by_what_is_known() {

@@ -1,4 +1,4 @@
-//! Backs of two-sided surfaces sleep until light can reach them: most of them face the inside of closed objects.
+//! Backs of two-sided surfaces sleep until light can reach them (D4): most of them face the inside of closed objects.
 
 use super::trace::trace;
 use crate::kernels::NoProbe;

@@ -6,7 +6,7 @@ use crate::units::Rgb;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-/// When a new radiosity is seen by others.
+/// When a new radiosity is seen by others (D16).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Update {
@@ -106,8 +106,8 @@ impl Light {
         self.fresh()[id.index()] = radiosity;
     }
 
-    /// Pulls the means of the children up into their parent: irradiance and exposure weighted by area, radiosity by open
-    /// area. Equal children give exactly their value.
+    /// Pulls the means of the children up into their parent: irradiance and exposure weighted by area (D17), radiosity by
+    /// open area. Equal children give exactly their value.
     pub fn pull(&mut self, parent: ElementId, elements: &Elements) {
         let area = elements.get(parent).area;
         let Some(first) = elements.get(parent).first_child.some() else { return };

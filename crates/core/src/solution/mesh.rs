@@ -8,7 +8,7 @@ use std::ops::Range;
 ///
 /// Vertices and triangles of a polygon are contiguous; no vertex is shared between polygons (coplanar neighbours with
 /// a common edge have equal irradiance along it). There are no T-junctions inside a polygon nor along edges that
-/// polygons share.
+/// polygons share (D20).
 #[derive(Clone, Debug, Default)]
 pub struct SurfaceMesh {
     /// Vertex positions, metres.

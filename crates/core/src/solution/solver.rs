@@ -13,7 +13,7 @@ use crate::tree::{Bsp, ElementId, Elements};
 use crate::units::Rgb;
 use std::ops::Range;
 
-/// What the roots of the quadtrees are.
+/// What the roots of the quadtrees are (D1).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Roots {
@@ -40,7 +40,7 @@ pub enum Interpolation {
 pub enum Stop {
     /// The total radiosity changed by at most this share (the paper's rule).
     Change(f64),
-    /// What is still to come changes it by at most this share: the last change times `q / (1 - q)`, where q is the
+    /// D18: what is still to come changes it by at most this share: the last change times `q / (1 - q)`, where q is the
     /// ratio of the last two changes.
     Remainder(f64),
 }
@@ -178,7 +178,7 @@ impl<'a, P: Probe + Default> Solver<'a, P> {
         &self.active
     }
 
-    /// Links every pair of roots that see each other's front: form factor and visibility once per pair, for both
+    /// Links every pair of roots that see each other's front (D7): form factor and visibility once per pair, for both
     /// directions.
     pub fn link_roots(&mut self, observer: &mut dyn Observer) -> Flow {
         let polygons: Vec<u32> = (0..self.active.len() as u32).filter(|&index| self.active[index as usize]).collect();

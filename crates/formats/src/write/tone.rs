@@ -136,7 +136,7 @@ pub(super) fn unit(value: f64) -> f64 {
     if value > 0.0 { value.min(1.0) } else { 0.0 }
 }
 
-/// The sRGB transfer function (IEC 61966-2-1:1999, section 5.2): linear light in `[0, 1]` to an encoded value in
+/// The sRGB transfer function (IEC 61966-2-1:1999): linear light in `[0, 1]` to an encoded value in
 /// `[0, 1]`; what lies outside is cut, NaN is 0.
 #[must_use]
 pub fn srgb_encode(linear: f64) -> f64 {

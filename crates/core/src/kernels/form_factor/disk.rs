@@ -18,7 +18,7 @@ const POINTS: usize = 4;
 /// from k to l and the normals of i and j; `A_i`: area of the receiver in m².
 ///
 /// **Source.** J. R. Wallace, K. A. Elmquist, E. A. Haines, *A ray tracing algorithm for progressive radiosity*
-/// (SIGGRAPH 1989), equation 4: exact for a disk seen from a point on its axis.
+/// (SIGGRAPH 1989): exact for a disk seen from a point on its axis.
 ///
 /// **Preconditions.** Both patches planar and convex.
 ///

@@ -17,7 +17,7 @@ use std::f64::consts::{FRAC_1_PI, PI};
 /// source, 0 to 1.
 ///
 /// **Source.** J. H. Lambert, *Photometria* (1760); in this form D. R. Baum, H. E. Rushmeier, J. M. Winget, *Improving
-/// radiosity solutions through the use of analytically determined form-factors* (SIGGRAPH 1989), equation 9.
+/// radiosity solutions through the use of analytically determined form-factors* (SIGGRAPH 1989).
 ///
 /// **Preconditions.** `normal` of unit length; the source planar, convex, and counter-clockwise about its plane's
 /// normal. A receiver behind the source's plane, or on it as far as rounding can tell, has `F = 0`.
@@ -137,7 +137,7 @@ impl Source {
     }
 
     /// Three points at the middle of the edges of each triangle of a fan (exact for quadratics; Strang and Fix 1973,
-    /// table 4.1), each with the kernel `cos cos' / (pi r^2)`.
+    /// page 184), each with the kernel `cos cos' / (pi r^2)`.
     fn fan(&self, point: DVec3) -> f64 {
         let corners = self.outline.corners();
         let mut sum = 0.0;
@@ -168,7 +168,7 @@ pub(super) fn point_kernel(p: DVec3, p_normal: DVec3, q: DVec3, q_normal: DVec3)
 /// **Formula.** `gamma / sin gamma = 2F1(1, 1; 3/2; h)`, by a rational function of degrees 5 and 5 that is exactly 1 at
 /// `h = 0`.
 ///
-/// **Source.** Abramowitz and Stegun 1964, 15.1.6 with `z^2 = h`; coefficients by rational interpolation at the ten
+/// **Source.** Abramowitz and Stegun 1964, chapter 15, with `z^2 = h`; coefficients by rational interpolation at the ten
 /// Chebyshev nodes of [0, 1/2], solved with 60 digits. Degrees (4, 4) would leave 2.8e-11, (6, 5) 4.5e-15.
 ///
 /// **Error bound.** Relative `7.5e-14` (test `angle_over_sine_meets_its_bound`); no multiply-add is fused, so that

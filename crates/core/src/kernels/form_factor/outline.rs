@@ -81,7 +81,7 @@ impl Outline {
 /// Heights of up to four corners above a plane, metres, with those that rounding cannot tell from zero set to zero.
 ///
 /// The bound is that of the evaluation itself: three products and three sums of magnitudes `m = sum |n_k p_k| + |d|`
-/// err by at most 4 units of rounding of `m` (Higham 2002, section 3.1: gamma_4); twice that allows for corners that
+/// err by at most 4 units of rounding of `m` (Higham 2002, his gamma_4); twice that allows for corners that
 /// are themselves rounded.
 pub(super) fn heights(corners: &[DVec3], plane: &Plane) -> [f64; 4] {
     let mut heights = [0.0; 4];

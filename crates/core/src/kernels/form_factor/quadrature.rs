@@ -34,7 +34,7 @@ impl Piece {
 
     /// Three points on a triangle, four on a quadrilateral; the count comes second.
     ///
-    /// Triangle: the interior three-point rule, exact for quadratics (Strang and Fix 1973, table 4.1). Quadrilateral:
+    /// Triangle: the interior three-point rule, exact for quadratics (Strang and Fix 1973, page 184). Quadrilateral:
     /// 2 x 2 Gauss on the bilinear map, weighted by its area element, exact for bicubics of a parallelogram.
     pub(super) fn few(&self, normal: DVec3) -> ([Weighted; 4], usize) {
         let [a, b, c, d] = self.corners;

@@ -22,7 +22,7 @@ const RAYS: f64 = 16.0;
 pub struct Thresholds {
     /// `BF_eps`: irradiance that one link may carry, W/m² or lm/m².
     pub bf: f64,
-    /// Weight of what a link carries whose visibility is only sampled, at least 1: it varies over both elements, so that
+    /// D21: weight of what a link carries whose visibility is only sampled, at least 1: it varies over both elements, so that
     /// it is less certain by far than one that is proven. Above 1 the k of n rays that pass stand for `(k + 1)/(n + 2)`
     /// (Laplace's rule of succession): a link of which 16 rays of 16 were blocked is refined too while it could carry
     /// much, or light through gaps is lost one-sidedly. At 1, the paper's rule, k of n is taken for the truth.
@@ -39,14 +39,14 @@ pub struct Thresholds {
 }
 
 /// BF refinement: `V_ij F_ij B_j > BF_eps` asks for a split of the larger of the two elements, which is granted if
-/// its area is above `A_eps`.
+/// its own area is above `A_eps` (D14).
 ///
 /// - `sight` V_ij, share of light that passes, in `[0, 1]`, and whether that is proven
 /// - `form_factor` F_ij, share of what leaves the receiver that reaches the source, in `[0, 1]`
-/// - `radiosity` B_j of the source, mean over bands, W/m² or lm/m²
+/// - `radiosity` B_j of the source, mean over bands (D13), W/m² or lm/m²
 /// - `areas` of receiver and source, m²; of two equal ones the receiver is split
 ///
-/// Source: Hanrahan, Salzman, Aupperle 1991, "A rapid hierarchical radiosity algorithm", section 3 (BF refinement);
+/// Source: Hanrahan, Salzman, Aupperle 1991, "A rapid hierarchical radiosity algorithm" (BF refinement);
 /// Podehl, Rauber, Rünger 1996, section 2.
 ///
 /// Preconditions: all values finite and not negative. The decision is exact: there is no error to bound.
@@ -99,7 +99,7 @@ mod tests {
         assert_ne!(decide(1.0, 0.2, 1.0, [4.0, 2.0]), Decision::Keep);
     }
 
-    /// Catches splitting the smaller, or splitting below the area floor.
+    /// D14. Catches splitting the smaller, or splitting below the area floor.
     #[test]
     fn splits_the_larger_above_the_floor() {
         assert_eq!(decide(1.0, 0.5, 1.0, [4.0, 2.0]), Decision::SplitReceiver);
@@ -109,7 +109,7 @@ mod tests {
         assert_eq!(decide(1.0, 0.5, 1.0, [0.5, 1.5]), Decision::SplitSource);
     }
 
-    /// Catches a sampled zero that is taken for proven, and a paper's rule that is not the paper's.
+    /// D21. Catches a sampled zero that is taken for proven, and a paper's rule that is not the paper's.
     #[test]
     fn sampled_visibilities_weigh_more() {
         let sampled = |share, partial| {

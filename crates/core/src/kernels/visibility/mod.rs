@@ -34,7 +34,7 @@ pub enum Rays {
     TwoHundredFiftySix,
 }
 
-/// What a ray counts for.
+/// What a ray counts for (D11).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Weighting {
@@ -105,8 +105,8 @@ impl From<Rays> for u32 {
 ///
 /// `V = sum_k v_k / n`, over those `n` of the rays that leave both fronts: ray `k` joins a point of `a` with a point of
 /// `b`, and counts when each end lies above the other's plane by more than `tau`; `v_k` is the product of
-/// `1 - opacity` over the polygons that it meets, hits within `tau` of either plane left out. Rays behind a plane carry
-/// nothing and are not counted: the form factor has clipped them already.
+/// `1 - opacity` (D12) over the polygons that it meets, hits within `tau` of either plane left out. Rays behind a plane carry
+/// nothing and are not counted (D10): the form factor has clipped them already.
 ///
 /// - `bsp`, `scene`: the tree and the scene that it was built from; `tau` is [`Scene::tolerance`], metres.
 /// - `a`, `b`: the patches, in the pair's canonical order (`visibility(b, a)` with the same seed draws other points).

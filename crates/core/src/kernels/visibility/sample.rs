@@ -1,11 +1,11 @@
-//! Sample points: a patch and a random sequence go in, one jittered point in each of its 16 sub-elements comes out.
+//! Sample points: a patch and a random sequence go in, one jittered point in each of its 16 sub-elements comes out (D9).
 
 use crate::sampling::{GOLDEN, mix};
 use crate::scene::Corners;
 use glam::DVec3;
 
 /// A random sequence that is the same on every machine: SplitMix64 (Steele, Lea, Flood, "Fast splittable pseudorandom
-/// number generators", OOPSLA 2014, figure 17, with its published constants).
+/// number generators", OOPSLA 2014, with its published constants).
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SplitMix64 {
     state: u64,

@@ -1,5 +1,5 @@
 //! Beams: all rays between two patches walk the BSP tree together; the patches' boxes go in, the fragments that may
-//! block come out, each with a verdict that holds for every ray; counting rays is left to the visibility kernel.
+//! block come out, each with a verdict that holds for every ray (D8); counting rays is left to the visibility kernel.
 
 #![expect(clippy::needless_range_loop, reason = "three coordinates of several points, side by side")]
 

@@ -1,5 +1,5 @@
 //! Single rays through a BSP tree: a ray goes in, what it hits comes out, nearest first; cut-out masks are looked up
-//! here, what a hit means for light is left to the caller.
+//! here, what a hit means for light is left to the caller. Fragments stand for whole polygons (D2).
 
 use super::{Bsp, MARGIN, Stack, Surface};
 use crate::kernels::Probe;
