@@ -139,8 +139,8 @@ class Solution:
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write a solution file (HDF5) that `isolux.open` reads.
 
-        The file appears whole or not at all; what stood at `path` is replaced only by a whole one. A cancelled
-        solve is saved without compression, which is soon done.
+        The file appears whole or not at all; what stood at `path` is replaced only by a whole one. A
+        cancelled solve is saved without compression, which is soon done.
 
         Raises
         ------

@@ -84,7 +84,9 @@ impl Solution {
     fn mesh<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let solution = self.inner.clone();
         // A cancelled solve makes it now.
-        interruptible(py, move || drop(solution.mesh()))?;
+        interruptible(py, move || {
+            solution.mesh();
+        })?;
         let mesh = self.inner.mesh();
         let bands = |values: &[Rgb]| flat::bands(values.iter().copied());
         let vertices = mesh.positions.len();
