@@ -85,7 +85,7 @@ impl Solution {
         let solution = self.inner.clone();
         // A cancelled solve makes it now.
         interruptible(py, move || {
-            solution.mesh();
+            let _ = solution.mesh();
         })?;
         let mesh = self.inner.mesh();
         let bands = |values: &[Rgb]| flat::bands(values.iter().copied());

@@ -610,7 +610,7 @@ fn the_hash_covers_every_part_of_a_scene() {
     input.masks.push(AlphaMask { width: 2, height: 1, solid: vec![true, false], wrap: [Wrap::Repeat; 2] });
     let scene = built(input);
     type Change = (&'static str, fn(&mut Scene));
-    let changes: [Change; 32] = [
+    let changes: [Change; 33] = [
         ("fronts", |scene| scene.fronts = 2),
         ("diameter", |scene| scene.diameter *= 1.0 + 1e-15),
         ("unit", |scene| scene.unit = Unit::Radiometric),
@@ -628,7 +628,8 @@ fn the_hash_covers_every_part_of_a_scene() {
         ("texture image", |scene| scene.materials[0].texture.as_mut().unwrap().image = 1),
         ("texture factor", |scene| scene.materials[0].texture.as_mut().unwrap().factor[0] = 0.5),
         ("texture wrap", |scene| scene.materials[0].texture.as_mut().unwrap().wrap[0] = Wrap::Clamp),
-        ("mask width", |scene| std::mem::swap(&mut { scene.masks[0].width }, &mut scene.masks[0].height)),
+        ("mask width", |scene| scene.masks[0].width = 1),
+        ("mask height", |scene| scene.masks[0].height = 2),
         ("mask texel", |scene| scene.masks[0].solid[1] = true),
         ("mask wrap", |scene| scene.masks[0].wrap[0] = Wrap::Clamp),
         ("corner", |scene| scene.polygons[0].corners = scene.polygons[0].corners.reversed()),
