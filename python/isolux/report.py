@@ -22,12 +22,15 @@ __all__ = [
     "Report",
     "RowSum",
     "Status",
+    "Unit",
 ]
 
 #: Linear red, green, blue.
 Bands = tuple[float, float, float]
 #: How a solve ended.
 Status = Literal["converged", "iteration-limit", "cancelled"]
+#: What power is counted in: lumens (light) or watts (radiant power).
+Unit = Literal["lm", "W"]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -61,7 +64,7 @@ class LinkReport:
 class IterationReport:
     """One iteration."""
 
-    #: Sum of area times radiosity, per band, W or lm.
+    #: Sum of area times radiosity, per band, in the report's unit (lm or W).
     total: Bands
     #: Relative change of the total against the iteration before; infinite in the first.
     residual: float
@@ -76,7 +79,7 @@ class IterationReport:
 
 @dataclasses.dataclass(frozen=True)
 class Energy:
-    """Where the emitted power went, per band, W or lm."""
+    """Where the emitted power went, per band, in the report's unit (lm or W)."""
 
     emitted: Bands
     #: Turned to heat by the fronts of all surfaces, from the solution.
@@ -134,6 +137,8 @@ class Report:
     version: str
     scene: str
     scene_hash: str
+    #: What power is counted in: powers are in it, irradiances and radiosities in it per m².
+    unit: Unit
     #: Settings as asked.
     settings: Settings
     status: Status

@@ -12,7 +12,7 @@ import numpy as np
 from isolux import _isolux
 from isolux._arrays import floats, integers
 from isolux.exceptions import ReadError
-from isolux.report import Bands, Issue
+from isolux.report import Bands, Issue, Unit
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -56,6 +56,15 @@ def luminance(bands: Bands) -> float:
     return 0.2126 * red + 0.7152 * green + 0.0722 * blue
 
 
+def total_power(bands: Bands, unit: Unit) -> float:
+    """One number for three bands.
+
+    Lumens are weighted by luminance (Rec. 709: 0.2126, 0.7152, 0.0722), so that a white lamp of 100 lm has
+    100 in every band. Watts are what the eye does not weigh: their plain mean, by the same convention.
+    """
+    return luminance(bands) if unit == "lm" else sum(bands) / 3.0
+
+
 @dataclasses.dataclass(frozen=True)
 class Light:
     """An object that emits."""
@@ -66,13 +75,14 @@ class Light:
     polygons: int
     #: Their area, m².
     area: float
-    #: Emitted power per band, W or lm.
+    #: Emitted power per band, in `unit`.
     power: Bands
+    unit: Unit = "lm"
 
     @property
     def total(self) -> float:
-        """Emitted flux, lm: bands weighted by luminance (Rec. 709: 0.2126, 0.7152, 0.0722)."""
-        return luminance(self.power)
+        """Emitted power over all bands, see `total_power`."""
+        return total_power(self.power, self.unit)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -120,6 +130,7 @@ class Scene:
         face_materials: ArrayLike | None = None,
         face_objects: ArrayLike | None = None,
         metres_per_unit: float = 1.0,
+        unit: Unit = "lm",
         name: str = "arrays",
     ) -> Scene:
         """Make a scene from arrays.
@@ -142,6 +153,8 @@ class Scene:
             (m,) index into `names`.
         metres_per_unit
             Length of the unit of `vertices`, metres.
+        unit
+            What emission counts power in, ``"lm"`` or ``"W"``: every result is in the same.
         name
             Name of the scene.
 
@@ -193,6 +206,7 @@ class Scene:
                 names=listed,
                 face_objects=object_rows,
                 metres_per_unit=float(metres_per_unit),
+                unit=str(unit),
             )
         )
 
@@ -203,8 +217,17 @@ class Scene:
 
     @property
     def hash(self) -> str:
-        """SHA-256 over geometry and materials, hexadecimal: equal hashes mean equal solutions."""
+        """SHA-256, hexadecimal: equal hashes mean equal solutions that read the same.
+
+        It covers geometry, face indices, surface values, materials, masks, the names of objects and
+        materials, and the unit; not the scene's name, cameras, images and findings.
+        """
         return self._inner.hash
+
+    @property
+    def unit(self) -> Unit:
+        """What power is counted in: ``"lm"`` or ``"W"``; irradiances and radiosities are in it per m²."""
+        return self._inner.unit
 
     @property
     def triangles(self) -> NDArray[np.float64]:
@@ -242,7 +265,7 @@ class Scene:
     @property
     def lights(self) -> list[Light]:
         """Objects that emit, by material, in file order."""
-        return [Light(*entry) for entry in self._inner.lights]
+        return [Light(*entry, self.unit) for entry in self._inner.lights]
 
     @property
     def polygons(self) -> Polygons:
@@ -251,7 +274,7 @@ class Scene:
 
     @property
     def emitted_power(self) -> Bands:
-        """Emitted power of all lights per band, W or lm."""
+        """Emitted power of all lights per band, in `unit`."""
         return self._inner.emitted_power
 
     @property
@@ -281,7 +304,11 @@ class Scene:
 
 
 def load(
-    path: str | os.PathLike[str], *, metres_per_unit: float | None = None, emission_scale: float = 1.0
+    path: str | os.PathLike[str],
+    *,
+    metres_per_unit: float | None = None,
+    emission_scale: float = 1.0,
+    unit: Unit = "lm",
 ) -> Scene:
     """Read a scene from a file.
 
@@ -295,6 +322,9 @@ def load(
     emission_scale
         Factor on every emission. 1 where the file's values are radiances (cd/m², W/m²/sr), as glTF
         prescribes: radiosities are pi times those.
+    unit
+        What the file counts power in: ``"lm"``, as glTF prescribes, or ``"W"``. Nothing is converted: it is
+        recorded in every result.
 
     Raises
     ------
@@ -310,10 +340,10 @@ def load(
     if suffix == ".isolux":
         raise ReadError(f"{path}: this is a solution; isolux.open reads it")
     if suffix in OWN_SUFFIXES or not path.is_file():
-        return Scene._wrap(_isolux.Scene.load(path, metres_per_unit, float(emission_scale)))
+        return Scene._wrap(_isolux.Scene.load(path, metres_per_unit, float(emission_scale), str(unit)))
     from isolux.io import other_meshes  # noqa: PLC0415
 
-    return other_meshes.load(path, 1.0 if metres_per_unit is None else metres_per_unit)
+    return other_meshes.load(path, 1.0 if metres_per_unit is None else metres_per_unit, unit)
 
 
 def _material(entry: Material | Mapping[str, Any], row: int) -> tuple[str, Bands, Bands, bool, float]:

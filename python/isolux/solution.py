@@ -139,7 +139,8 @@ class Solution:
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write a solution file (HDF5) that `isolux.open` reads.
 
-        The file appears whole or not at all; what stood at `path` is replaced only by a whole one.
+        The file appears whole or not at all; what stood at `path` is replaced only by a whole one. A
+        cancelled solve is saved without compression, which is soon done.
 
         Raises
         ------
@@ -149,7 +150,8 @@ class Solution:
         from isolux.io import solution_file  # noqa: PLC0415
 
         attributes, arrays = self._inner.to_record()
-        solution_file.write(Path(path), attributes, arrays, self.scene.hash)
+        compress = self.report.status != "cancelled"
+        solution_file.write(Path(path), attributes, arrays, self.scene.hash, compress=compress)
 
     def bake(self, path: str | os.PathLike[str], *, exposure: float | None = None) -> None:
         """Write the lit surfaces: ``.glb`` (glTF with vertex colours), ``.ply`` or ``.vtu``.

@@ -131,6 +131,46 @@ def test_units_reach_the_scene(isolux_command, scene_file):
     )
 
 
+@pytest.mark.parametrize(
+    ("units", "power", "radiance"),
+    [
+        (None, "lm", "cd/m2"),
+        ("cm", "lm", "cd/m2"),
+        ("cd/m2", "lm", "cd/m2"),
+        ("lm/m2", "lm", "cd/m2"),
+        ("lx", "lm", "cd/m2"),
+        ("W/m2", "W", "W/(m2 sr)"),
+        ("cm,W/m2/sr", "W", "W/(m2 sr)"),
+    ],
+)
+def test_the_unit_of_power_reaches_every_result(isolux_command, scene_file, tmp_path, units, power, radiance):
+    """Catches watts told or written as lumens, or the other way round, anywhere on the way to a result."""
+    given = () if units is None else ("--units", units)
+    other = {"lm": "W", "W": "lm"}[power]
+    for done in (
+        isolux_command("inspect", scene_file, *given),
+        isolux_command("solve", scene_file, "-o", tmp_path / "a.isolux", "--error", "0.5", *given),
+    ):
+        assert done.returncode == 0, done.stderr
+        assert f"{power}/m²" in done.stdout
+        assert not re.search(rf"\b{other}\b", done.stdout)
+    assert json.loads(isolux_command("inspect", scene_file, "--json", "-", *given).stdout)["units"] == {
+        "length": "m",
+        "area": "m2",
+        "power": power,
+    }
+    solution = isolux.open(tmp_path / "a.isolux")
+    assert solution.report.unit == solution.scene.unit == solution.report.to_dict()["unit"] == power
+    solution.bake(tmp_path / "a.ply")
+    header = (tmp_path / "a.ply").read_bytes().split(b"end_header")[0].decode()
+    assert f"unit {power}/m2\n" in header
+    assert f"radianceUnit {radiance}\n" in header
+    solution.bake(tmp_path / "a.glb")
+    assert f'"unit":"{power}/m2"'.encode() in (tmp_path / "a.glb").read_bytes()
+    solution.write_image(tmp_path / "a.exr", np.zeros((2, 2, 3)))
+    assert radiance.encode() in (tmp_path / "a.exr").read_bytes()
+
+
 def test_every_setting_reaches_the_solver(isolux_command, scene_file, tmp_path):
     """Catches an option that is accepted and forgotten."""
     options = {
@@ -413,7 +453,7 @@ def test_ctrl_c_keeps_the_partial_solution(scene_file, tmp_path, isolux_command)
 
 
 def test_impatient_ctrl_c_corrupts_nothing(scene_file, tmp_path):
-    """Catches a result that a second, third, ... Ctrl-C while saving leaves broken or lost."""
+    """Catches a half-written file, or one left over, after a second, third, ... Ctrl-C at any moment."""
     target = tmp_path / "partial.isolux"
     process = start_long_solve(scene_file, target)
     while process.poll() is None:
@@ -422,8 +462,101 @@ def test_impatient_ctrl_c_corrupts_nothing(scene_file, tmp_path):
     _, err = process.communicate()
     assert process.returncode == 130, err
     assert not TRACEBACK.search(err)
+    # The second one gives the result up, unless it was in place by then.
+    found = [entry.name for entry in tmp_path.iterdir()]
+    assert found in ([], ["partial.isolux"])
+    if found:
+        assert isolux.open(target).report.status == "cancelled"
+
+
+AT_A_MOMENT = """
+import os, signal, sys
+import isolux.io.solution_file as module
+from isolux.cli.app import run
+
+def press(*arguments, **options):
+    for _ in range(int(sys.argv[1])):
+        os.kill(os.getpid(), signal.SIGINT)
+    return write(*arguments, **options)
+
+write, module.write = module.write, press
+sys.exit(run(sys.argv[2:]))
+"""
+
+
+def test_ctrl_c_while_saving(scene_file, tmp_path):
+    """Catches a finished result thrown away by one Ctrl-C while it is saved, and saved in spite of two."""
+    target = tmp_path / "box.isolux"
+    arguments = ("solve", scene_file, "-o", target, "--error", "0.5", "--progress", "none")
+    target.write_text("old")
+    twice = in_python(AT_A_MOMENT, 2, *arguments)
+    assert twice.returncode == 130, twice.stderr
+    assert twice.stderr.splitlines()[-1] == "isolux: cancelled"
+    assert target.read_text() == "old"
+    assert [entry.name for entry in tmp_path.iterdir()] == ["box.isolux"]
+    once = in_python(AT_A_MOMENT, 1, *arguments)
+    assert once.returncode == 0, once.stderr
+    assert isolux.open(target).report.status == "converged"
+
+
+IN_PHASE = """
+import os, signal, sys
+import isolux, isolux.cli.terminal as terminal
+from isolux.cli.app import run
+
+class Hand(terminal.Interrupts):
+    def hearing(self, show):
+        hear = super().hearing(show)
+        def press(state):
+            if state.phase == sys.argv[1]:
+                os.kill(os.getpid(), signal.SIGINT)
+            hear(state)
+        return press
+
+terminal.Interrupts = Hand
+sys.exit(run(sys.argv[2:]))
+"""
+
+
+@pytest.mark.parametrize("phase", ["tree", "pilot", "root-links", "iteration", "interpolation", "balance"])
+def test_ctrl_c_in_any_phase_leaves_a_partial_solution(scene_file, tmp_path, isolux_command, phase):
+    """Catches a phase that does not hear Ctrl-C, and a partial solution that cannot be opened or shown."""
+    target = tmp_path / "partial.isolux"
+    room = ROOT / "scenes" / "room.glb"
+    arguments = ("solve", room, "-o", target, "--error", "0.3", "--progress", "none")
+    done = in_python(IN_PHASE, phase, *arguments)
+    assert done.returncode == 130, done.stderr
+    assert "cancelled; what was computed is in" in done.stderr.splitlines()[-1]
     assert isolux.open(target).report.status == "cancelled"
-    assert [entry.name for entry in tmp_path.iterdir()] == ["partial.isolux"]
+    assert isolux_command("bake", target, "-o", tmp_path / "lit.ply").returncode == 0
+    assert isolux_command("render", target, "-o", tmp_path / "a.png", "--size", "16x12").returncode == 0
+
+
+ENDLESS = """
+import os, signal, sys, threading
+import isolux.cli.render as command
+from isolux.cli.app import run
+
+press = lambda: os.kill(os.getpid(), signal.SIGINT)
+
+def opened(path):
+    solution = open_solution(path)
+    threading.Timer(0.2, press).start()
+    return solution
+
+open_solution, command.isolux.open = command.isolux.open, opened
+sys.exit(run(sys.argv[1:]))
+"""
+
+
+def test_ctrl_c_ends_a_picture_that_would_take_days(solution_file, tmp_path):
+    """Catches a picture that is asked for row by row: a row of this one takes hours."""
+    arguments = ("render", solution_file, "-o", tmp_path / "a.png", "--size", "32768x8192", "--samples", "64")
+    command = [sys.executable, "-c", ENDLESS, *map(str, arguments), "--progress", "none"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
+    assert done.returncode == 130, done.stderr
+    assert one_line(done) == "isolux: cancelled"
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_readme_commands_exist(isolux_command):

@@ -21,6 +21,10 @@ EXPECTED = {
     "SceneError::CornerCount": ("SceneError", "object 'lamp': face 3 has 5 corners, expected 3 or 4"),
     "SceneError::OutOfRange": ("SceneError", "material 9 of 'lamp' is out of range (there are 4)"),
     "SceneError::MaterialNotFinite": ("SceneError", "material 'paint': reflectance is not a finite number"),
+    "SceneError::MaskSize": (
+        "SceneError",
+        "material 'leaf': mask 0 has 3 texels, expected 2 x 2, at least 1",
+    ),
     "SceneError::Unit": ("SceneError", "-1 metres per unit is not a positive length"),
     "SceneError::TooLarge": ("SceneError", "20 polygons are more than the 10 that element paths can name"),
     "SceneViolation": ("InternalError", "polygon 7: violated: unit normal"),

@@ -225,3 +225,17 @@ def test_scenes_are_only_made_by_their_makers():
         isolux.Scene()
     with pytest.raises(TypeError, match=r"isolux\.solve"):
         isolux.Solution()
+
+
+def test_watts_are_not_weighted_by_the_eye():
+    """Catches a lamp in watts summed up by luminance, and a unit that nobody knows or looks at."""
+    glow = [isolux.Material("glow", 0.5, (3.0, 0.0, 0.0))]
+    by_unit = {
+        unit: isolux.Scene.from_arrays(CUBE, list(SIDES.values()), glow, unit=unit) for unit in ("lm", "W")
+    }
+    assert [scene.unit for scene in by_unit.values()] == ["lm", "W"]
+    assert by_unit["lm"].hash != by_unit["W"].hash
+    assert by_unit["lm"].lights[0].total == pytest.approx(0.2126 * 18)
+    assert by_unit["W"].lights[0].total == pytest.approx(6)
+    with pytest.raises(ValueError, match="unit is 'lux': expected 'lm' or 'W'"):
+        isolux.Scene.from_arrays(CUBE, list(SIDES.values()), glow, unit="lux")

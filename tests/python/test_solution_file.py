@@ -167,6 +167,11 @@ def test_every_dataset_is_needed_and_checked(solution_file, tmp_path):
         ("elements/irradiance", lambda a: np.full_like(a, np.nan), "elements"),
         ("links/form_factor", lambda a: np.full_like(a, np.nan), "links"),
         ("links/visibility", lambda a: np.full_like(a, 7.0), "links"),
+        ("links/visibility", lambda a: np.full_like(a, np.nan), "links"),
+        ("links/visibility", lambda a: np.full_like(a, -0.5), "links"),
+        ("links/form_factor", lambda a: np.full_like(a, 1.5), "links"),
+        ("links/proven", lambda a: np.arange(len(a), dtype=a.dtype) % 2, "links"),
+        ("links/proven", lambda a: np.full_like(a, 2), "links/proven"),
     ],
 )
 def test_contradictions_are_named(copy, name, change, message):
@@ -279,3 +284,34 @@ def test_a_replaced_file_keeps_its_permissions(lit, tmp_path):
     path.chmod(0o640)
     lit.save(path)
     assert path.stat().st_mode & 0o777 == 0o640
+
+
+def test_a_cancelled_solve_is_saved_as_it_stands(tmp_path):
+    """Catches a partial file that takes long to write, loses numbers, or does not open."""
+
+    def stop(state):
+        if state.phase == "iteration":
+            raise KeyboardInterrupt
+
+    with pytest.raises(isolux.Cancelled) as raised:
+        isolux.solve(box(), error=0.05, progress=stop)
+    partial = raised.value.solution
+    partial.save(tmp_path / "partial.isolux")
+    with h5py.File(tmp_path / "partial.isolux") as file:
+        assert all(file[name].compression is None for name in names_of(tmp_path / "partial.isolux"))
+        assert file["mesh/irradiance"].shape == (0, 3)
+    again = isolux.open(tmp_path / "partial.isolux")
+    assert again.report == partial.report
+    np.testing.assert_array_equal(again.mesh["irradiance"], partial.mesh["irradiance"])
+
+
+def test_the_command_refuses_an_altered_file_in_one_line(isolux_command, copy, tmp_path):
+    """Catches an altered file that is drawn all the same, or answered by a traceback."""
+    with h5py.File(copy) as file:
+        changed = file["links/source"][...]
+    changed[0] = len(changed) + 2**20
+    replace(copy, "links/source", changed)
+    done = isolux_command("bake", copy, "-o", tmp_path / "lit.glb")
+    assert done.returncode == 3
+    assert "'links/source'" in done.stderr
+    assert len(done.stderr.splitlines()) == 1

@@ -1,6 +1,5 @@
 //! NumPy arrays: shapes checked with the argument's name on the way in, no copies on the way out.
 
-use isolux::core::DVec3;
 use isolux::{Array, Data};
 use numpy::prelude::*;
 use numpy::{Element, PyArrayDyn, PyReadonlyArrayDyn};
@@ -59,11 +58,6 @@ pub(crate) fn read_only<'py, T: Element>(
     // Before the view is made, so that neither the view nor its base can be written.
     flat.call_method1("setflags", (false,))?;
     Ok(flat.reshape(shape)?.into_any())
-}
-
-/// Points as an `(..., 3)` array of doubles.
-pub(crate) fn coordinates(points: impl IntoIterator<Item = DVec3>) -> Vec<f64> {
-    points.into_iter().flat_map(|point| point.to_array()).collect()
 }
 
 /// An array of a record as a read-only NumPy array.

@@ -49,6 +49,7 @@ impl PythonError for CoreSceneError {
             | CoreSceneError::CornerCount { .. }
             | CoreSceneError::OutOfRange { .. }
             | CoreSceneError::MaterialNotFinite { .. }
+            | CoreSceneError::MaskSize { .. }
             | CoreSceneError::Unit { .. }
             | CoreSceneError::TooLarge { .. } => SceneError::new_err(message),
         }
@@ -152,6 +153,10 @@ pub(crate) fn error_samples(py: Python<'_>) -> PyResult<Bound<'_, PyList>> {
         (
             "SceneError::MaterialNotFinite",
             CoreSceneError::MaterialNotFinite { material: "paint".into(), what: "reflectance" }.exception(),
+        ),
+        (
+            "SceneError::MaskSize",
+            CoreSceneError::MaskSize { material: "leaf".into(), mask: 0, width: 2, height: 2, texels: 3 }.exception(),
         ),
         ("SceneError::Unit", CoreSceneError::Unit { metres_per_unit: -1.0 }.exception()),
         ("SceneError::TooLarge", CoreSceneError::TooLarge { count: 20, limit: 10 }.exception()),

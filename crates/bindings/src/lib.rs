@@ -8,6 +8,7 @@ mod panics;
 mod scene;
 mod settings;
 mod solution;
+mod waiting;
 
 use pyo3::prelude::*;
 

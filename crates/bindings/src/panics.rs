@@ -17,8 +17,13 @@ pub(crate) fn remember() {
 
 /// Runs `work` without the interpreter's lock; a panic comes back as an `InternalError`.
 pub(crate) fn guarded<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> PyResult<T> {
-    py.detach(|| catch_unwind(AssertUnwindSafe(work))).map_err(|_| {
+    py.detach(|| caught(work)).map_err(internal)
+}
+
+/// Runs `work`; a panic comes back as its message.
+pub(crate) fn caught<T>(work: impl FnOnce() -> T) -> Result<T, String> {
+    catch_unwind(AssertUnwindSafe(work)).map_err(|_| {
         let message = LAST.lock().unwrap_or_else(PoisonError::into_inner).take();
-        internal(message.unwrap_or_else(|| "panicked".into()))
+        message.unwrap_or_else(|| "panicked".into())
     })
 }

@@ -1,11 +1,11 @@
 //! Scenes: files and arrays in, geometry, lights and findings out.
 
-use crate::array::{coordinates, entries, read_only, rows, same_length};
+use crate::array::{entries, read_only, rows, same_length};
 use crate::error::{SceneError, internal, to_python};
-use crate::panics::guarded;
+use crate::waiting::interruptible;
 use isolux::core::DVec3;
 use isolux::core::scene::{Alpha, BuildOptions, Face, Material, Object, Scene as CoreScene, SceneInput, Surface};
-use isolux::core::units::Rgb;
+use isolux::core::units::{Rgb, Unit};
 use isolux::formats::read::{ReadOptions, read};
 use numpy::PyReadonlyArrayDyn;
 use numpy::prelude::*;
@@ -13,6 +13,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::PyDict;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -29,7 +30,7 @@ impl Scene {
     }
 
     fn build(py: Python<'_>, input: SceneInput) -> PyResult<Scene> {
-        let scene = guarded(py, || CoreScene::build(input, &BuildOptions::default()))?.map_err(to_python)?;
+        let scene = interruptible(py, || CoreScene::build(input, &BuildOptions::default()))?.map_err(to_python)?;
         Ok(Scene::new(Arc::new(scene)))
     }
 }
@@ -42,19 +43,26 @@ type Triple = (f64, f64, f64);
 
 #[pymethods]
 impl Scene {
-    /// A scene from a file: glTF or OBJ.
+    /// A scene from a file: glTF or OBJ. `unit` is "lm" or "W".
     #[staticmethod]
-    fn load(py: Python<'_>, path: PathBuf, metres_per_unit: Option<f64>, emission_scale: f64) -> PyResult<Scene> {
-        let options = ReadOptions { metres_per_unit, emission_scale };
-        let input = guarded(py, || read(&path, &options))?.map_err(to_python)?;
-        let scene = guarded(py, || CoreScene::build(input, &BuildOptions::default()))?
+    fn load(
+        py: Python<'_>,
+        path: PathBuf,
+        metres_per_unit: Option<f64>,
+        emission_scale: f64,
+        unit: &str,
+    ) -> PyResult<Scene> {
+        let options = ReadOptions { metres_per_unit, emission_scale, unit: unit_of(unit)? };
+        let file = path.clone();
+        let input = interruptible(py, move || read(&file, &options))?.map_err(to_python)?;
+        let scene = interruptible(py, || CoreScene::build(input, &BuildOptions::default()))?
             .map_err(|error| SceneError::new_err(format!("{}: {error}", path.display())))?;
         Ok(Scene::new(Arc::new(scene)))
     }
 
     /// A scene from arrays. A row of `faces` with -1 in its fourth column is a triangle.
     #[staticmethod]
-    #[pyo3(signature = (name, vertices, faces, materials, face_materials, names, face_objects, metres_per_unit))]
+    #[pyo3(signature = (name, vertices, faces, materials, face_materials, names, face_objects, metres_per_unit, unit))]
     #[expect(clippy::too_many_arguments, reason = "one argument per array; Python passes them by name")]
     fn from_arrays(
         py: Python<'_>,
@@ -66,6 +74,7 @@ impl Scene {
         names: Vec<String>,
         face_objects: PyReadonlyArrayDyn<'_, i64>,
         metres_per_unit: f64,
+        unit: &str,
     ) -> PyResult<Scene> {
         let vertices: Vec<DVec3> = rows::<f64, 3>("vertices", &vertices)?.into_iter().map(DVec3::from_array).collect();
         let faces: Vec<Vec<i64>> = match faces.shape() {
@@ -81,7 +90,7 @@ impl Scene {
         same_length("face_materials", face_materials.len(), "faces", faces.len())?;
         same_length("face_objects", face_objects.len(), "faces", faces.len())?;
 
-        let mut input = SceneInput { name, metres_per_unit, ..SceneInput::default() };
+        let mut input = SceneInput { name, metres_per_unit, unit: unit_of(unit)?, ..SceneInput::default() };
         for (row, corners) in faces.iter().enumerate() {
             let object = index("face_objects", row, face_objects[row], names.len())?;
             let material = index("face_materials", row, face_materials[row], materials.len())?;
@@ -113,7 +122,8 @@ impl Scene {
 
     /// Raises InternalError where an invariant of the scene is broken.
     fn check(&self, py: Python<'_>) -> PyResult<()> {
-        guarded(py, || self.inner.check())?.map_err(to_python)
+        let scene = self.inner.clone();
+        interruptible(py, move || scene.check())?.map_err(to_python)
     }
 
     /// Name of the scene.
@@ -122,17 +132,23 @@ impl Scene {
         &self.inner.name
     }
 
-    /// SHA-256 over everything that links depend on, hexadecimal.
+    /// SHA-256 over everything that results depend on or are read by, hexadecimal.
     #[getter]
     fn hash(&self) -> String {
-        self.inner.hash.iter().map(|byte| format!("{byte:02x}")).collect()
+        self.inner.hash_text()
+    }
+
+    /// What power is counted in: "lm" or "W".
+    #[getter]
+    fn unit(&self) -> &'static str {
+        self.inner.unit.power()
     }
 
     /// Corners of the input triangles: (n, 3, 3), metres; made once, read-only.
     #[getter]
     fn triangles<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let array = self.triangles.get_or_try_init(py, || {
-            let corners = coordinates(self.inner.triangles.iter().flatten().copied());
+            let corners = isolux::flat::points(self.inner.triangles.iter().flatten().copied());
             read_only(py, corners, &[self.inner.triangles.len(), 3, 3]).map(Bound::unbind)
         })?;
         Ok(array.bind(py).clone())
@@ -189,21 +205,14 @@ impl Scene {
     /// Objects that emit, in file order: (object, material, polygons, area in m², emitted power per band).
     #[getter]
     fn lights(&self) -> Vec<(String, String, usize, f64, Triple)> {
-        let mut lights: Vec<(u32, u32, usize, f64, Rgb)> = Vec::new();
+        let mut lights: BTreeMap<(u32, u32), (usize, f64, Rgb)> = BTreeMap::new();
         for polygon in self.inner.polygons.iter().filter(|polygon| polygon.emission != Rgb::ZERO) {
-            let power = polygon.emission * polygon.area;
-            let key = (polygon.object, polygon.material);
-            match lights.iter_mut().find(|light| (light.0, light.1) == key) {
-                Some(light) => {
-                    light.2 += 1;
-                    light.3 += polygon.area;
-                    light.4 += power;
-                }
-                None => lights.push((key.0, key.1, 1, polygon.area, power)),
-            }
+            let light = lights.entry((polygon.object, polygon.material)).or_insert((0, 0.0, Rgb::ZERO));
+            light.0 += 1;
+            light.1 += polygon.area;
+            light.2 += polygon.emission * polygon.area;
         }
-        lights.sort_by_key(|light| (light.0, light.1));
-        let names = |(object, material, polygons, area, power): (u32, u32, usize, f64, Rgb)| {
+        let names = |((object, material), (polygons, area, power)): ((u32, u32), (usize, f64, Rgb))| {
             let object = self.inner.objects[object as usize].name.clone();
             let material = self.inner.materials[material as usize].name.clone();
             (object, material, polygons, area, power.0.into())
@@ -246,6 +255,11 @@ impl Scene {
         counts.set_item("dropped_triangles", dropped)?;
         Ok(counts)
     }
+}
+
+/// A unit of power by its name.
+fn unit_of(name: &str) -> PyResult<Unit> {
+    Unit::from_power(name).ok_or_else(|| PyValueError::new_err(format!("unit is '{name}': expected 'lm' or 'W'")))
 }
 
 /// An index into a list, checked.

@@ -1,21 +1,22 @@
 //! Solving, and asking a solution: settings and points come in, values, pictures and files go out.
 
-use crate::array::{
-    coordinates, entries, from_record_array, read_only, rows, same_length, to_record_array, wrong_shape,
-};
+use crate::array::{entries, from_record_array, read_only, rows, same_length, to_record_array, wrong_shape};
 use crate::error::{SolutionFileError, WriteError, internal, to_python};
 use crate::observer::PythonObserver;
 use crate::panics::guarded;
 use crate::scene::Scene;
+use crate::waiting::interruptible;
 use isolux::core::DVec3;
 use isolux::core::units::Rgb;
-use isolux::formats::write::{self, GlbOptions, Picture, PngOptions, Provenance, ToneMap};
+use isolux::flat;
+use isolux::formats::write::{self, GlbOptions, Picture, PngOptions, Provenance, Recall, ToneMap};
 use isolux::{Record, RenderSettings, Solution as FacadeSolution, View};
 use numpy::PyReadonlyArrayDyn;
 use pyo3::exceptions::{PyIndexError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Barycentric coordinates may miss a sum of 1 by this: single precision misses it by 2e-7, a forgotten coordinate by
 /// its own size.
@@ -24,7 +25,7 @@ const BARYCENTRIC_TOLERANCE: f64 = 1e-5;
 /// A solved scene.
 #[pyclass(frozen, module = "isolux._isolux")]
 pub(crate) struct Solution {
-    inner: FacadeSolution,
+    inner: Arc<FacadeSolution>,
 }
 
 /// Solves a scene. Returns the solution and what stopped it early: the exception that a signal handler or `progress`
@@ -42,7 +43,7 @@ pub(crate) fn solve(
     let scene = scene.inner.clone();
     let solution = guarded(py, || isolux::solve(scene, &settings, &mut observer))?.map_err(to_python)?;
     let raised = observer.raised.map(|error| error.into_value(py).into_any());
-    Ok((Solution { inner: solution }, raised))
+    Ok((Solution { inner: Arc::new(solution) }, raised))
 }
 
 #[pymethods]
@@ -81,11 +82,16 @@ impl Solution {
 
     /// The surfaces as triangles with values at their vertices, as named arrays.
     fn mesh<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let solution = self.inner.clone();
+        // A cancelled solve makes it now.
+        interruptible(py, move || {
+            let _ = solution.mesh();
+        })?;
         let mesh = self.inner.mesh();
-        let bands = |values: &[Rgb]| values.iter().flat_map(|value| value.0).collect::<Vec<f64>>();
+        let bands = |values: &[Rgb]| flat::bands(values.iter().copied());
         let vertices = mesh.positions.len();
         let arrays = PyDict::new(py);
-        arrays.set_item("positions", read_only(py, coordinates(mesh.positions.iter().copied()), &[vertices, 3])?)?;
+        arrays.set_item("positions", read_only(py, flat::points(mesh.positions.iter().copied()), &[vertices, 3])?)?;
         arrays.set_item("irradiance", read_only(py, bands(&mesh.irradiance), &[vertices, 3])?)?;
         arrays.set_item("radiosity", read_only(py, bands(&mesh.radiosity), &[vertices, 3])?)?;
         let triangles: Vec<u32> = mesh.triangles.iter().flatten().copied().collect();
@@ -95,7 +101,8 @@ impl Solution {
 
     /// Everything as a JSON object and named arrays, made once per call.
     fn to_record<'py>(&self, py: Python<'py>) -> PyResult<(String, Bound<'py, PyDict>)> {
-        let record = guarded(py, || self.inner.to_record())?;
+        let solution = self.inner.clone();
+        let record = interruptible(py, move || solution.to_record())?;
         let arrays = PyDict::new(py);
         for array in record.arrays {
             arrays.set_item(array.name.clone(), from_record_array(py, array)?)?;
@@ -116,34 +123,31 @@ impl Solution {
             })?;
             record.arrays.push(array);
         }
-        let inner = guarded(py, || FacadeSolution::from_record(record))?.map_err(to_python)?;
-        Ok(Solution { inner })
+        let inner = interruptible(py, || FacadeSolution::from_record(record))?.map_err(to_python)?;
+        Ok(Solution { inner: Arc::new(inner) })
     }
 
     /// The exposure that shows the scene at middle brightness.
     #[getter]
     fn exposure(&self, py: Python<'_>) -> PyResult<f64> {
-        guarded(py, || write::auto_exposure(self.inner.mesh(), self.inner.scene()))
+        let solution = self.inner.clone();
+        interruptible(py, move || write::auto_exposure(solution.mesh(), solution.scene()))
     }
 
     /// Writes the lit surfaces; the suffix of `path` (.glb, .ply, .vtu) says how.
     #[pyo3(signature = (path, exposure=None))]
     fn bake(&self, py: Python<'_>, path: PathBuf, exposure: Option<f64>) -> PyResult<()> {
-        let (scene, mesh) = (self.inner.scene(), self.inner.mesh());
-        let suffix = suffix(&path);
-        guarded(py, || {
+        let (solution, provenance, suffix) = (self.inner.clone(), self.provenance(), suffix(&path));
+        write_out(py, path, ".glb, .ply or .vtu", move || {
+            let (scene, mesh) = (solution.scene(), solution.mesh());
             let factor = || exposure.unwrap_or_else(|| write::auto_exposure(mesh, scene));
-            let provenance = self.provenance();
-            let bytes = match suffix.as_str() {
-                "glb" => write::glb(scene, mesh, &GlbOptions { exposure, provenance })?,
-                "ply" => write::ply(scene, mesh, factor(), &provenance)?,
-                "vtu" => write::vtu(scene, mesh, factor(), &provenance)?,
-                _ => return Ok(false),
-            };
-            write::write_aside(&path, &bytes).map(|()| true)
-        })?
-        .map_err(to_python)
-        .and_then(|known| if known { Ok(()) } else { Err(unknown_suffix(&path, ".glb, .ply or .vtu")) })
+            match suffix.as_str() {
+                "glb" => write::glb(scene, mesh, &GlbOptions { exposure, provenance }).map(Some),
+                "ply" => write::ply(scene, mesh, factor(), &provenance).map(Some),
+                "vtu" => write::vtu(scene, mesh, factor(), &provenance).map(Some),
+                _ => Ok(None),
+            }
+        })
     }
 
     /// Writes a picture of (height, width, 3) linear radiance; the suffix of `path` (.png, .exr) says how.
@@ -166,22 +170,15 @@ impl Solution {
             height: height.try_into().map_err(too_large)?,
             pixels: values.as_chunks::<3>().0.iter().map(|&pixel| Rgb(pixel)).collect(),
         };
-        let suffix = suffix(&path);
-        guarded(py, || {
-            let provenance = self.provenance();
-            let bytes = match suffix.as_str() {
-                "png" => {
-                    let exposure =
-                        exposure.unwrap_or_else(|| write::auto_exposure(self.inner.mesh(), self.inner.scene()));
-                    write::png(&picture, &PngOptions { exposure, tone: ToneMap::default(), provenance })?
-                }
-                "exr" => write::exr(&picture, &provenance)?,
-                _ => return Ok(false),
-            };
-            write::write_aside(&path, &bytes).map(|()| true)
-        })?
-        .map_err(to_python)
-        .and_then(|known| if known { Ok(()) } else { Err(unknown_suffix(&path, ".png or .exr")) })
+        let (solution, provenance, suffix) = (self.inner.clone(), self.provenance(), suffix(&path));
+        write_out(py, path, ".png or .exr", move || match suffix.as_str() {
+            "png" => {
+                let exposure = exposure.unwrap_or_else(|| write::auto_exposure(solution.mesh(), solution.scene()));
+                write::png(&picture, &PngOptions { exposure, tone: ToneMap::default(), provenance }).map(Some)
+            }
+            "exr" => write::exr(&picture, &provenance).map(Some),
+            _ => Ok(None),
+        })
     }
 
     /// Draws linear radiance: (height, width, 3).
@@ -215,7 +212,7 @@ impl Solution {
             (Some(raised), _) => Err(raised),
             (None, Err(error)) => Err(to_python(error)),
             (None, Ok(pixels)) => {
-                let values = pixels.iter().flat_map(|pixel| pixel.0).collect();
+                let values = flat::bands(pixels);
                 read_only(py, values, &[height as usize, width as usize, 3])
             }
         }
@@ -225,7 +222,32 @@ impl Solution {
 /// Writes a file whole or not at all.
 #[pyfunction]
 pub(crate) fn write_aside(py: Python<'_>, path: PathBuf, contents: &[u8]) -> PyResult<()> {
-    guarded(py, || write::write_aside(&path, contents))?.map_err(to_python)
+    let contents = contents.to_vec();
+    write_out(py, path, "", move || Ok(Some(contents)))
+}
+
+/// Writes what `make` makes, whole or not at all, Ctrl-C included; None: the suffix of `path` is none of `known`.
+fn write_out(
+    py: Python<'_>,
+    path: PathBuf,
+    known: &str,
+    make: impl FnOnce() -> Result<Option<Vec<u8>>, write::WriteError> + Send + 'static,
+) -> PyResult<()> {
+    let recall = Recall::default();
+    let (target, theirs) = (path.clone(), recall.clone());
+    let written = interruptible(py, move || {
+        let Some(bytes) = make()? else { return Ok(false) };
+        write::write_aside_with(&target, &theirs, |file| file.write_all(&bytes)).map(|()| true)
+    });
+    match written {
+        Ok(Ok(true)) => Ok(()),
+        Ok(Ok(false)) => Err(unknown_suffix(&path, known)),
+        Ok(Err(error)) => Err(to_python(error)),
+        Err(stopped) => {
+            recall.recall();
+            Err(stopped)
+        }
+    }
 }
 
 /// The suffix of a path in lower case, without its dot.

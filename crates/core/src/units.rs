@@ -1,11 +1,58 @@
 //! The quantities that the whole system shares: colour triples of linear RGB, and what their numbers mean.
 //!
-//! Radiosity `B`, irradiance `H` and emission `E` are powers per area per band, in W/m² (or lm/m² when the scene is
-//! photometric); reflectance `rho` is a share in `[0, 1)`. Areas are in the square of the scene's length unit.
+//! Radiosity `B`, irradiance `H` and emission `E` are powers per area per band, in lm/m² or W/m² as the scene's [`Unit`]
+//! says; reflectance `rho` is a share in `[0, 1)`. Areas are in the square of the scene's length unit.
 
 use serde::{Deserialize, Serialize};
 use std::iter::Sum;
 use std::ops::{Add, AddAssign, Div, Index, IndexMut, Mul, Sub};
+
+/// What the power in a scene is counted in. Nothing is ever converted: it says how numbers are to be read.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Unit {
+    /// Light, in lumens: lm/m² on surfaces, cd/m² towards the eye. What glTF means.
+    #[default]
+    #[serde(rename = "lm")]
+    Photometric,
+    /// Radiant power, in watts: W/m² on surfaces, W/(m² sr) towards the eye.
+    #[serde(rename = "W")]
+    Radiometric,
+}
+
+impl Unit {
+    /// Unit of power.
+    #[must_use]
+    pub fn power(self) -> &'static str {
+        match self {
+            Unit::Photometric => "lm",
+            Unit::Radiometric => "W",
+        }
+    }
+
+    /// The unit of power of that name (`lm`, `W`).
+    #[must_use]
+    pub fn from_power(name: &str) -> Option<Unit> {
+        [Unit::Photometric, Unit::Radiometric].into_iter().find(|unit| unit.power() == name)
+    }
+
+    /// Unit of irradiance and radiosity, in ASCII.
+    #[must_use]
+    pub fn per_area(self) -> &'static str {
+        match self {
+            Unit::Photometric => "lm/m2",
+            Unit::Radiometric => "W/m2",
+        }
+    }
+
+    /// Unit of radiance (what pictures hold), in ASCII.
+    #[must_use]
+    pub fn radiance(self) -> &'static str {
+        match self {
+            Unit::Photometric => "cd/m2",
+            Unit::Radiometric => "W/(m2 sr)",
+        }
+    }
+}
 
 /// One value per band: linear red, green, blue.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]

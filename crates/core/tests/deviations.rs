@@ -9,7 +9,7 @@ use inputs::{Make, built, empty, grey, v};
 use isolux_core::DVec3;
 use isolux_core::kernels::form_factor::{FormFactor, exchange_area};
 use isolux_core::kernels::oracle::Thresholds;
-use isolux_core::kernels::visibility::{Rays, Sampling, Weighting, visibility, visibility_ray_by_ray};
+use isolux_core::kernels::visibility::{Covered, Rays, Sampling, Weighting, visibility, visibility_ray_by_ray};
 use isolux_core::kernels::{Counts, NoProbe, Patch};
 use isolux_core::links::Hierarchy;
 use isolux_core::scene::{Polygon, Scene};
@@ -26,6 +26,7 @@ fn parameters(bf: f64, area: f64) -> Parameters {
         roots: Roots::Polygons,
         form_factor: FormFactor::Lambert,
         sampling: Sampling::default(),
+        covered: Covered::default(),
         seed: 0,
     }
 }

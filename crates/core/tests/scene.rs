@@ -6,10 +6,10 @@ mod inputs;
 
 use inputs::{Make, built, empty, grey, plain, v, with_uv};
 use isolux_core::scene::{
-    Alpha, AlphaMask, BuildOptions, Camera, Corners, Issue, IssueKind, Material, Object, Projection, Scene, SceneError,
-    SceneInput, Severity, Side, Surface, Texture, Wrap,
+    Alpha, AlphaMask, BuildOptions, Camera, Corners, Image, Issue, IssueKind, Material, Object, Projection, Scene,
+    SceneError, SceneInput, Severity, Side, Surface, Texture, Wrap,
 };
-use isolux_core::units::Rgb;
+use isolux_core::units::{Rgb, Unit};
 use isolux_core::{DVec2, DVec3};
 use proptest::prelude::*;
 
@@ -396,6 +396,51 @@ fn reflectances_of_one_are_clamped_and_said() {
     assert!(issues[0].message.contains("3.5"), "{}", issues[0].message);
 }
 
+/// Catches an opacity that lets more light pass than arrives, or less than none, believed or mended in silence; at the
+/// material and at a face, with and without a mask.
+#[test]
+fn opacities_out_of_range_are_clamped_and_said() {
+    for (opacity, clamped) in [(1.5, 1.0), (-0.5, 0.0)] {
+        for masked in [false, true] {
+            let surface = Surface { opacity, ..grey(0.2, 1.0) };
+            let mut by_material = plain();
+            by_material.face(0, 0, &square());
+            by_material.face(0, 0, &square().map(|corner| corner + DVec3::Z));
+            by_material.materials[0].alpha = if masked { Alpha::Mask(0) } else { Alpha::Attenuate };
+            by_material.masks.push(AlphaMask { width: 1, height: 1, solid: vec![true], wrap: [Wrap::Repeat; 2] });
+            by_material.faces[0].surface = Some(Surface { opacity: 0.5, ..surface });
+            let mut by_face = by_material.clone();
+            by_material.materials[0].surface = surface;
+            by_face.faces[1].surface = Some(surface);
+            for input in [by_material, by_face] {
+                let scene = built(input);
+                let issues = issues_of(&scene, IssueKind::OpacityClamped);
+                assert_eq!(issues.len(), 1);
+                assert_eq!((issues[0].object.as_str(), issues[0].severity), ("paint", Severity::Warning));
+                assert!(issues[0].message.contains(&opacity.to_string()), "{}", issues[0].message);
+                // The holes of a mask do not shine, so what is nothing but holes is left out.
+                let is_left_out = masked && clamped == 0.0;
+                let found: Vec<f64> = scene.polygons.iter().map(|polygon| polygon.opacity).collect();
+                assert_eq!(found, if is_left_out { vec![0.5] } else { vec![0.5, clamped] });
+                assert_eq!(issues_of(&scene, IssueKind::Ignored).len(), usize::from(is_left_out));
+            }
+        }
+    }
+}
+
+/// Catches a mask whose texels end before its claimed size does: the first ray through it would read beyond them.
+#[test]
+fn masks_have_the_texels_that_they_claim() {
+    for (width, height, texels) in [(2, 2, 3), (2, 2, 5), (0, 2, 0), (u32::MAX, u32::MAX, 1)] {
+        let mut input = plain();
+        input.face(0, 0, &square());
+        input.materials[0].alpha = Alpha::Mask(0);
+        input.masks.push(AlphaMask { width, height, solid: vec![true; texels], wrap: [Wrap::Repeat; 2] });
+        let expected = SceneError::MaskSize { material: "paint".into(), mask: 0, width, height, texels };
+        assert_eq!(build(input).unwrap_err(), expected);
+    }
+}
+
 /// Catches negative light.
 #[test]
 fn negative_values_are_set_to_zero_and_said() {
@@ -499,7 +544,7 @@ fn names_are_made_unique() {
 /// Catches a solution that is taken for another scene's: the hash must change with every value that links or light
 /// depend on, and with nothing else.
 #[test]
-fn the_hash_tells_scenes_apart_by_what_light_sees() {
+fn the_hash_tells_scenes_apart_by_what_results_depend_on() {
     let base = || {
         let mut input = plain();
         let face = input.face(0, 0, &square());
@@ -518,9 +563,10 @@ fn the_hash_tells_scenes_apart_by_what_light_sees() {
     };
     let original = hash(&|_| {});
     type Change = (&'static str, fn(&mut SceneInput));
-    let seen: [Change; 9] = [
+    let seen: [Change; 13] = [
         ("corner", |input| input.faces[0].corners.iter_mut().for_each(|corner| corner.z += 1e-9)),
-        ("unit", |input| input.metres_per_unit = 1.5),
+        ("length unit", |input| input.metres_per_unit = 1.5),
+        ("unit of power", |input| input.unit = Unit::Radiometric),
         ("reflectance", |input| input.materials[0].surface.reflectance[2] += 1e-9),
         ("emission", |input| input.materials[0].surface.emission[0] += 1e-9),
         ("opacity", |input| input.materials[0].surface.opacity = 0.9),
@@ -528,21 +574,88 @@ fn the_hash_tells_scenes_apart_by_what_light_sees() {
         ("mask", |input| input.masks[0].solid[1] = true),
         ("wrap", |input| input.masks[0].wrap[1] = Wrap::Mirror),
         ("uv of the mask", |input| input.faces[0].uv.as_mut().unwrap().iter_mut().for_each(|uv| uv.x += 0.25)),
-    ];
-    for (what, change) in seen {
-        assert_ne!(hash(&change), original, "{what}");
-    }
-    let unseen: [Change; 4] = [
-        ("scene name", |input| input.name = "other".into()),
         ("object name", |input| input.objects[0].name = "other".into()),
         ("material name", |input| input.materials[0].name = "other".into()),
         ("unused material", |input| {
             input.material("unused", grey(0.1, 9.0));
         }),
     ];
+    for (what, change) in seen {
+        assert_ne!(hash(&change), original, "{what}");
+    }
+    let unseen: [Change; 3] = [
+        ("scene name", |input| input.name = "other".into()),
+        ("camera", |input| {
+            let (name, projection) = ("eye".into(), Projection::Orthographic { height: 1.0 });
+            input.cameras.push(Camera { name, eye: DVec3::ZERO, forward: DVec3::NEG_Z, up: DVec3::Y, projection });
+        }),
+        ("image", |input| {
+            input.images.push(Image { name: "wood".into(), mime: "image/png".into(), bytes: vec![1] });
+        }),
+    ];
     for (what, change) in unseen {
         assert_eq!(hash(&change), original, "{what}");
     }
+}
+
+/// Catches anything that the built scene holds and the hash leaves out: each is changed by itself, as a damaged or
+/// doctored file would.
+#[test]
+fn the_hash_covers_every_part_of_a_scene() {
+    let mut input = two_triangles(&square(), [0, 1, 2], [0, 2, 3]);
+    input.materials[0].two_sided = true;
+    input.materials[0].alpha = Alpha::Mask(0);
+    input.materials[0].texture = Some(Texture { image: 0, factor: Rgb::ONE, wrap: [Wrap::Repeat; 2] });
+    input.images.push(Image { name: "wood".into(), mime: "image/png".into(), bytes: vec![1] });
+    input.masks.push(AlphaMask { width: 2, height: 1, solid: vec![true, false], wrap: [Wrap::Repeat; 2] });
+    let scene = built(input);
+    type Change = (&'static str, fn(&mut Scene));
+    let changes: [Change; 33] = [
+        ("fronts", |scene| scene.fronts = 2),
+        ("diameter", |scene| scene.diameter *= 1.0 + 1e-15),
+        ("unit", |scene| scene.unit = Unit::Radiometric),
+        ("triangles", |scene| scene.triangles[1][2].x += 1e-12),
+        ("a triangle less", |scene| scene.triangles.truncate(1)),
+        ("face_polygon", |scene| scene.face_polygon[1] = Scene::NO_POLYGON),
+        ("object name", |scene| scene.objects[0].name.push('x')),
+        ("material name", |scene| scene.materials[0].name.push('x')),
+        ("material reflectance", |scene| scene.materials[0].surface.reflectance[1] += 1e-12),
+        ("material emission", |scene| scene.materials[0].surface.emission[1] += 1e-12),
+        ("material opacity", |scene| scene.materials[0].surface.opacity -= 1e-12),
+        ("material sides", |scene| scene.materials[0].two_sided = false),
+        ("material alpha", |scene| scene.materials[0].alpha = Alpha::Attenuate),
+        ("texture", |scene| scene.materials[0].texture = None),
+        ("texture image", |scene| scene.materials[0].texture.as_mut().unwrap().image = 1),
+        ("texture factor", |scene| scene.materials[0].texture.as_mut().unwrap().factor[0] = 0.5),
+        ("texture wrap", |scene| scene.materials[0].texture.as_mut().unwrap().wrap[0] = Wrap::Clamp),
+        ("mask width", |scene| scene.masks[0].width = 1),
+        ("mask height", |scene| scene.masks[0].height = 2),
+        ("mask texel", |scene| scene.masks[0].solid[1] = true),
+        ("mask wrap", |scene| scene.masks[0].wrap[0] = Wrap::Clamp),
+        ("corner", |scene| scene.polygons[0].corners = scene.polygons[0].corners.reversed()),
+        ("normal", |scene| scene.polygons[0].plane.normal.x += 1e-16),
+        ("offset", |scene| scene.polygons[0].plane.offset += 1e-16),
+        ("area", |scene| scene.polygons[0].area += 1e-12),
+        ("reflectance", |scene| scene.polygons[1].reflectance[2] += 1e-12),
+        ("emission", |scene| scene.polygons[1].emission[0] += 1e-12),
+        ("opacity", |scene| scene.polygons[1].opacity -= 1e-12),
+        ("polygon's mask", |scene| scene.polygons[1].mask = None),
+        ("polygon's object", |scene| scene.polygons[1].object = 1),
+        ("side", |scene| scene.polygons[1].side = Side::Front),
+        ("twin", |scene| scene.polygons[0].twin = None),
+        ("faces", |scene| scene.polygons[0].faces.reverse()),
+    ];
+    let mut hashes = std::collections::HashSet::from([scene.hash]);
+    for (what, change) in changes {
+        let mut changed = scene.clone();
+        change(&mut changed);
+        assert!(hashes.insert(changed.compute_hash()), "{what}");
+    }
+    let mut uv = scene.clone();
+    uv.polygons[0].uv = Some([DVec2::ZERO; 4]);
+    let mut material = scene.clone();
+    material.polygons[0].material = 1;
+    assert!(hashes.insert(uv.compute_hash()) && hashes.insert(material.compute_hash()));
 }
 
 /// Catches a check that looks at nothing: each tampering breaks one invariant and must be found.

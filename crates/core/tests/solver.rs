@@ -156,7 +156,7 @@ fn the_pilot_knows_how_bright_a_furnace_is() {
     let scene = built(input);
     let bsp = Bsp::build(&scene, InsertionOrder::AsGiven);
     for seed in 0..8 {
-        let found = pilot_irradiance(&scene, &bsp, seed);
+        let found = pilot_irradiance(&scene, &bsp, seed, &mut Unobserved).unwrap();
         assert!((found / 2.0 - 1.0).abs() < 0.04, "{seed}: {found}");
     }
 }

@@ -434,7 +434,7 @@ fn plain_materials_become_surfaces() {
         "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 100}},
     }));
     let folder = Folder::new();
-    let options = ReadOptions { emission_scale: 2.0, metres_per_unit: Some(0.01) };
+    let options = ReadOptions { emission_scale: 2.0, metres_per_unit: Some(0.01), ..ReadOptions::default() };
     let scene = read(&folder.write("room.glb", glb.bytes()), &options).unwrap();
     let material = &scene.materials[0];
     close(material.surface.reflectance, [0.2, 0.4, 0.6], F32);

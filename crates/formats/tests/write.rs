@@ -14,8 +14,8 @@ use isolux_core::solution::SurfaceMesh;
 use isolux_core::units::Rgb;
 use isolux_core::{DVec2, DVec3};
 use isolux_formats::write::{
-    GlbOptions, MIDDLE_GREY, Picture, PngOptions, Provenance, ToneMap, Unit, WriteError, auto_exposure, exr, glb,
-    luminance, ply, png, srgb_encode, srgb8, vtu, write_aside, write_aside_with,
+    GlbOptions, MIDDLE_GREY, Picture, PngOptions, Provenance, Recall, ToneMap, Unit, WriteError, auto_exposure, exr,
+    glb, luminance, ply, png, srgb_encode, srgb8, vtu, write_aside, write_aside_with,
 };
 use std::f64::consts::PI;
 use std::fs;
@@ -149,6 +149,7 @@ fn scene() -> Scene {
         triangles,
         face_polygon,
         issues: Vec::new(),
+        unit: Unit::default(),
         diameter: 24.0,
         hash: std::array::from_fn(|k| k as u8),
         name: "Büro".into(),
@@ -986,14 +987,14 @@ fn write_aside_keeps_the_old_file_when_the_disk_is_full() {
         Err(io::ErrorKind::StorageFull.into())
     };
     // With and without a file of that name.
-    assert!(complaint(&path, write_aside_with(&path, fill)).ends_with("no storage space"));
+    assert!(complaint(&path, write_aside_with(&path, &Recall::default(), fill)).ends_with("no storage space"));
     assert_eq!(listing(&folder), [""; 0]);
     write_aside(&path, b"old").unwrap();
-    complaint(&path, write_aside_with(&path, fill));
+    complaint(&path, write_aside_with(&path, &Recall::default(), fill));
     assert_eq!(fs::read(&path).unwrap(), b"old");
     assert_eq!(listing(&folder), ["lit.glb"]);
     // And when the program fails instead of the disk.
-    let panicked = std::panic::catch_unwind(|| write_aside_with(&path, |_| panic!("as asked")));
+    let panicked = std::panic::catch_unwind(|| write_aside_with(&path, &Recall::default(), |_| panic!("as asked")));
     assert!(panicked.is_err());
     assert_eq!(listing(&folder), ["lit.glb"]);
 }

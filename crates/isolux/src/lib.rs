@@ -1,6 +1,8 @@
 //! The facade: settings in, a solved, checked, reopenable solution out.
 
 mod error;
+pub mod flat;
+mod pace;
 mod record;
 mod render;
 mod report;

@@ -1,20 +1,19 @@
 //! A solution as named flat arrays: what a solution file holds, whatever container it is put in.
 
-use crate::solution::hex;
-use crate::{RecordError, Report, Solution};
+use crate::{RecordError, Report, Solution, Status, flat};
 use isolux_core::kernels::visibility::Sight;
 use isolux_core::links::{Hierarchy, Link, Links};
 use isolux_core::scene::{AlphaMask, Camera, Corners, Image, Material, Object, Plane, Polygon, Scene, Side, Wrap};
-use isolux_core::solution::{Light, SmoothPlan};
+use isolux_core::solution::{Light, Phase, Progress, SmoothPlan, Unobserved, Watch};
 use isolux_core::tree::{Bsp, Element, ElementId, Elements, Path};
-use isolux_core::units::Rgb;
+use isolux_core::units::{Rgb, Unit};
 use isolux_core::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// Format number that this version writes and reads.
-const FORMAT: u64 = 1;
+const FORMAT: u64 = 2;
 
 /// Numbers of one type.
 #[derive(Clone, Debug, PartialEq)]
@@ -88,6 +87,7 @@ struct Attributes {
     version: String,
     name: String,
     scene_hash: String,
+    unit: Unit,
     fronts: usize,
     diameter: f64,
     objects: Vec<String>,
@@ -113,13 +113,12 @@ struct MaskHeader {
 
 /// Corners of a patch padded to four, and their number.
 fn corner_arrays<'a>(group: &str, patches: impl Iterator<Item = &'a Corners>) -> [Array; 2] {
-    let mut points = Vec::new();
     let mut counts = Vec::new();
-    for corners in patches {
+    let points = flat::points(patches.flat_map(|corners| {
         counts.push(corners.len() as u8);
         let last = corners[corners.len() - 1];
-        points.extend((0..4).flat_map(|k| corners.get(k).unwrap_or(&last).to_array()));
-    }
+        (0..4).map(move |k| corners.get(k).copied().unwrap_or(last))
+    }));
     let count = counts.len();
     [
         Array { name: format!("{group}/corners"), shape: vec![count, 4, 3], data: Data::F64(points) },
@@ -128,7 +127,7 @@ fn corner_arrays<'a>(group: &str, patches: impl Iterator<Item = &'a Corners>) ->
 }
 
 fn rgb_array(name: &str, values: impl Iterator<Item = Rgb>) -> Array {
-    let flat: Vec<f64> = values.flat_map(|value| value.0).collect();
+    let flat = flat::bands(values);
     Array { name: name.to_owned(), shape: vec![flat.len() / 3, 3], data: Data::F64(flat) }
 }
 
@@ -150,7 +149,8 @@ pub(crate) fn write(solution: &Solution) -> Record {
         format: FORMAT,
         version: crate::VERSION.to_owned(),
         name: scene.name.clone(),
-        scene_hash: hex(&scene.hash),
+        scene_hash: scene.hash_text(),
+        unit: scene.unit,
         fronts: scene.fronts,
         diameter: scene.diameter,
         objects: scene.objects.iter().map(|object| object.name.clone()).collect(),
@@ -184,9 +184,9 @@ pub(crate) fn write(solution: &Solution) -> Record {
     let uv = polygons.iter().flat_map(|polygon| polygon.uv.unwrap_or([DVec2::NAN; 4]));
     let uv: Vec<f64> = uv.flat_map(|uv| uv.to_array()).collect();
     arrays.push(Array { name: "scene/uv".into(), shape: vec![polygons.len(), 4, 2], data: Data::F64(uv) });
-    let triangles: Vec<f64> = scene.triangles.iter().flatten().flat_map(|corner| corner.to_array()).collect();
+    let triangles = Data::F64(flat::points(scene.triangles.iter().flatten().copied()));
     let shape = vec![scene.triangles.len(), 3, 3];
-    arrays.push(Array { name: "scene/triangles".into(), shape, data: Data::F64(triangles) });
+    arrays.push(Array { name: "scene/triangles".into(), shape, data: triangles });
     arrays.push(u32_array("scene/face_polygon", scene.face_polygon.iter().copied()));
     arrays.push(flat_array("scene/active", Data::U8(solution.active.iter().map(|&active| u8::from(active)).collect())));
     for (index, image) in scene.images.iter().enumerate() {
@@ -249,7 +249,7 @@ macro_rules! take_as {
 
 impl Shelf {
     fn take(&mut self, name: &str) -> Result<Array, RecordError> {
-        self.arrays.remove(name).ok_or_else(|| RecordError::Missing { name: name.to_owned() })
+        self.arrays.remove(name).ok_or_else(|| missing(name))
     }
 
     take_as!(f64, F64, f64);
@@ -274,6 +274,15 @@ impl Shelf {
         }
     }
 
+    /// Bytes that say no (0) or yes (1).
+    fn flags(&mut self, name: &str) -> Result<Vec<bool>, RecordError> {
+        let values = self.u8(name, &[])?;
+        match values.iter().find(|&&value| value > 1) {
+            Some(value) => Err(inconsistent(name, format!("{value} is neither 0 nor 1"))),
+            None => Ok(values.into_iter().map(|value| value != 0).collect()),
+        }
+    }
+
     fn corners(&mut self, group: &str) -> Result<Vec<Corners>, RecordError> {
         let name = format!("{group}/corners");
         let points = self.f64(&name, &[4, 3])?;
@@ -289,6 +298,10 @@ impl Shelf {
             })
             .collect()
     }
+}
+
+fn missing(name: &str) -> RecordError {
+    RecordError::Missing { name: name.to_owned() }
 }
 
 fn inconsistent(name: &str, what: impl Into<String>) -> RecordError {
@@ -318,19 +331,38 @@ pub(crate) fn read(record: Record) -> Result<Solution, RecordError> {
     let report = attributes.report.clone();
     let (scene, active) = read_scene(attributes, &mut shelf)?;
     let hierarchy = read_hierarchy(&scene, &mut shelf)?;
-    let bsp = Bsp::build(&scene, report.settings.order);
-    let plan = SmoothPlan::new(&scene, &bsp, &hierarchy.elements);
-    let vertex_irradiance = shelf.rgb("mesh/irradiance", plan.vertices())?;
-    if vertex_irradiance.iter().any(|value| !value.is_finite()) {
-        return Err(inconsistent("mesh/irradiance", "not all values are finite"));
+    if let Err(error) = report.settings.validate() {
+        return Err(inconsistent("attributes/report", error.to_string()));
     }
-    let surfaces = plan.assemble(&vertex_irradiance);
-    Ok(Solution { scene: Arc::new(scene), bsp, hierarchy, active, surfaces, vertex_irradiance, report })
+    let bsp = Bsp::build(&scene, report.settings.order);
+    let unasked = &mut Unobserved;
+    let watch = &mut Watch::new(unasked, Progress::of(Phase::Interpolation));
+    let plan = SmoothPlan::new(&scene, &bsp, &hierarchy.elements, watch);
+    let Array { shape, .. } = shelf.arrays.get("mesh/irradiance").ok_or_else(|| missing("mesh/irradiance"))?;
+    let is_left_out = report.status == Status::Cancelled && shape.first() == Some(&0);
+    let vertices = if is_left_out { Some(0) } else { plan.as_ref().map(SmoothPlan::vertices) };
+    let vertex_irradiance = shelf.rgb("mesh/irradiance", vertices.unwrap_or(0))?;
+    if vertex_irradiance.iter().any(|value| !value.is_finite() || value.min_component() < 0.0) {
+        return Err(inconsistent("mesh/irradiance", "not all values are finite and not negative"));
+    }
+    let surfaces = if is_left_out { None } else { plan.and_then(|plan| plan.assemble(&vertex_irradiance, watch)) };
+    Ok(Solution {
+        scene: Arc::new(scene),
+        bsp: bsp.into(),
+        hierarchy,
+        active,
+        surfaces: surfaces.map_or_else(OnceLock::new, OnceLock::from),
+        vertex_irradiance,
+        report,
+    })
 }
 
 fn read_scene(attributes: Attributes, shelf: &mut Shelf) -> Result<(Scene, Vec<bool>), RecordError> {
-    let Attributes { name, scene_hash, fronts, diameter, objects, materials, cameras, images, masks, report, .. } =
-        attributes;
+    let Attributes { name, scene_hash, unit, fronts, diameter, objects, materials, .. } = attributes;
+    let Attributes { cameras, images, masks, report, .. } = attributes;
+    if report.unit != unit {
+        return Err(inconsistent("attributes/unit", format!("{}, but the report has another", unit.power())));
+    }
     if !(diameter.is_finite() && diameter > 0.0) {
         return Err(inconsistent("attributes/diameter", format!("{diameter} is not a positive length")));
     }
@@ -357,8 +389,11 @@ fn read_scene(attributes: Attributes, shelf: &mut Shelf) -> Result<(Scene, Vec<b
     let faces = shelf.u32("scene/faces", &[2])?;
     same_length("scene/faces", faces.len() / 2, count)?;
     let face_polygon = shelf.indices("scene/face_polygon", triangles.len(), fronts)?;
-    let active = shelf.u8("scene/active", &[])?;
+    let active = shelf.flags("scene/active")?;
     same_length("scene/active", active.len(), count)?;
+    if active[..fronts].contains(&false) {
+        return Err(inconsistent("scene/active", "a front took no part"));
+    }
     let images = images
         .into_iter()
         .enumerate()
@@ -372,7 +407,7 @@ fn read_scene(attributes: Attributes, shelf: &mut Shelf) -> Result<(Scene, Vec<b
         .enumerate()
         .map(|(index, MaskHeader { width, height, wrap })| {
             let name = format!("scene/mask_{index}");
-            let solid: Vec<bool> = shelf.u8(&name, &[])?.into_iter().map(|solid| solid != 0).collect();
+            let solid = shelf.flags(&name)?;
             if (width as usize).checked_mul(height as usize) != Some(solid.len()) || solid.is_empty() {
                 return Err(inconsistent(&name, format!("{} texels, expected {width} x {height}", solid.len())));
             }
@@ -426,18 +461,19 @@ fn read_scene(attributes: Attributes, shelf: &mut Shelf) -> Result<(Scene, Vec<b
         face_polygon,
         issues: report.issues,
         diameter,
+        unit,
         hash: [0; 32],
         name,
     };
     scene.check().map_err(|violation| inconsistent("scene", violation.to_string()))?;
     scene.hash = scene.compute_hash();
-    if hex(&scene.hash) != scene_hash {
+    if scene.hash_text() != scene_hash || report.scene_hash != scene_hash {
         return Err(inconsistent(
             "scene",
             "the hash of the stored scene is not the one recorded: the file was altered",
         ));
     }
-    Ok((scene, active.into_iter().map(|active| active != 0).collect()))
+    Ok((scene, active))
 }
 
 fn read_hierarchy(scene: &Scene, shelf: &mut Shelf) -> Result<Hierarchy, RecordError> {
@@ -476,33 +512,33 @@ fn read_hierarchy(scene: &Scene, shelf: &mut Shelf) -> Result<Hierarchy, RecordE
     let form_factor = shelf.f64("links/form_factor", &[])?;
     let visibility = shelf.f32("links/visibility", &[])?;
     same_length("links/visibility", visibility.len(), form_factor.len())?;
-    let proven = shelf.u8("links/proven", &[])?;
+    let proven = shelf.flags("links/proven")?;
     same_length("links/proven", proven.len(), form_factor.len())?;
     let receiver = shelf.indices("links/receiver", form_factor.len(), count)?;
     let source = shelf.indices("links/source", form_factor.len(), count)?;
-    let mut links = Links::new(count);
-    for (index, &factor) in form_factor.iter().enumerate() {
-        let valid = receiver[index] != NONE
-            && source[index] != NONE
-            && factor > 0.0
-            && factor <= 1.0
-            && (0.0..=1.0).contains(&visibility[index]);
-        if !valid {
-            return Err(inconsistent("links", format!("link {index} is not a link")));
+    for (name, ends) in [("links/receiver", &receiver), ("links/source", &source)] {
+        if let Some(index) = ends.iter().position(|&end| end == NONE) {
+            return Err(inconsistent(name, format!("link {index} has no such end")));
         }
-        let (to, from) = (ElementId(receiver[index]), ElementId(source[index]));
-        let [here, there] = [to, from].map(|id| elements.get(id).polygon);
-        if here == there || scene.polygons[here as usize].twin == Some(there) {
-            return Err(inconsistent("links", format!("link {index} joins a polygon with itself")));
-        }
-        let last = links.of(to).last();
-        if last.is_some_and(|last| elements.get(last.source).path >= elements.get(from).path) {
-            return Err(inconsistent("links", format!("link {index} is not in the order of its receiver's sources")));
-        }
-        links.push(
-            to,
-            Link::new(from, factor, Sight { share: f64::from(visibility[index]), proven: proven[index] != 0 }),
-        );
     }
+    if let Some(index) = visibility.iter().position(|visibility| !(0.0..=1.0).contains(visibility)) {
+        let found = visibility[index];
+        return Err(inconsistent("links/visibility", format!("{found} of link {index} is not within 0 and 1")));
+    }
+    let mut links = Links::new(count);
+    let mut first = 0;
+    for run in receiver.chunk_by(|one, two| one == two) {
+        let list = (first..first + run.len()).map(|index| {
+            let sight = Sight { share: f64::from(visibility[index]), proven: proven[index] };
+            Link::new(ElementId(source[index]), form_factor[index], sight)
+        });
+        first += run.len();
+        let to = ElementId(run[0]);
+        if receiver.get(first).is_some_and(|&next| next < run[0]) {
+            return Err(inconsistent("links/receiver", format!("link {first} is not in ascending order")));
+        }
+        links.put_sorted(to, list.collect());
+    }
+    links.check(&elements, scene).map_err(|violation| inconsistent("links", violation.to_string()))?;
     Ok(Hierarchy { elements, links, light })
 }

@@ -1,5 +1,6 @@
 //! Pictures of a solution by ray casting through the BSP tree, on all cores.
 
+use crate::pace::Pace;
 use crate::{RenderError, Solution};
 use isolux_core::DVec3;
 use isolux_core::kernels::NoProbe;
@@ -56,7 +57,7 @@ const MAX_PIXELS: u64 = 1 << 28;
 /// behind; where a ray leaves the scene the picture is black.
 ///
 /// # Errors
-/// [`RenderError`] for views that make no sense and when the observer stops it.
+/// [`RenderError`] for views that make no sense and when the observer stops it, which is asked every 10 ms or so.
 pub fn render(
     solution: &Solution,
     view: &View,
@@ -78,13 +79,17 @@ pub fn render(
         .build()
         .map_err(|error| nonsense(format!("threads: {error}")))?;
     let mut picture = vec![Rgb::ZERO; width as usize * height as usize];
-    // Bands of rows, so that the observer hears of it now and then.
-    let band = (height as usize / 100).clamp(1, 64);
+    // The surfaces of a cancelled solve are made when they are first asked for: not by every thread at once.
+    let _ = (solution.bsp(), solution.surfaces());
+    let mut pace = Pace::starting(pool.current_num_threads());
     let mut done = 0;
-    for rows in picture.chunks_mut(band * width as usize) {
+    while done < picture.len() {
+        let portion = pace.size().min(picture.len() - done);
+        let pixels = &mut picture[done..done + portion];
+        pace.begin();
         pool.install(|| {
-            rows.par_iter_mut().enumerate().for_each(|(index, pixel)| {
-                let (column, row) = (index % width as usize, done + index / width as usize);
+            pixels.par_iter_mut().enumerate().for_each(|(index, pixel)| {
+                let (column, row) = ((done + index) % width as usize, (done + index) / width as usize);
                 let mut sum = Rgb::ZERO;
                 for sample in 0..samples_per_side * samples_per_side {
                     let offset = |k: u32| (f64::from(k) + 0.5) / f64::from(samples_per_side);
@@ -96,11 +101,11 @@ pub fn render(
                 *pixel = sum / f64::from(samples_per_side * samples_per_side);
             });
         });
-        done += rows.len() / width as usize;
-        let share = done as f64 / f64::from(height);
+        pace.end();
+        done += portion;
+        let share = done as f64 / picture.len() as f64;
         let elements = solution.hierarchy.elements.len();
-        let progress = Progress { phase: Phase::Render, done: share, iteration: 0, residual: 0.0, elements, links: 0 };
-        if observer.observe(&progress) == Flow::Stop {
+        if observer.observe(&Progress { done: share, elements, ..Progress::of(Phase::Render) }) == Flow::Stop {
             return Err(RenderError::Cancelled);
         }
     }
@@ -187,13 +192,13 @@ fn radiance(solution: &Solution, origin: DVec3, direction: DVec3) -> Rgb {
     let step = scene.tolerance();
     let (mut start, mut passing, mut sum) = (origin, 1.0, Rgb::ZERO);
     for _ in 0..MAX_LAYERS {
-        let Some(hit) = solution.bsp.closest_hit(scene, start, direction, f64::INFINITY, &mut NoProbe) else { break };
+        let Some(hit) = solution.bsp().closest_hit(scene, start, direction, f64::INFINITY, &mut NoProbe) else { break };
         let position = start + direction * hit.distance;
         let surface = &scene.polygons[hit.polygon as usize];
         let side = if hit.front_facing { Some(hit.polygon) } else { surface.twin };
         if let Some(side) = side {
             let polygon = &scene.polygons[side as usize];
-            let irradiance = solution.surfaces.irradiance(scene, side, position);
+            let irradiance = solution.surfaces().irradiance(scene, side, position);
             // Emission and reflectance of a cut-out are means over its holes; the texel that was hit is solid.
             let share = if surface.mask.is_some() { 1.0 / polygon.opacity } else { 1.0 };
             sum += (polygon.emission + polygon.reflectance * irradiance) * (share * passing / PI);

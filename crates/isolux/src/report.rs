@@ -3,7 +3,7 @@
 use crate::Settings;
 use isolux_core::kernels::Counts;
 use isolux_core::scene::Issue;
-use isolux_core::units::Rgb;
+use isolux_core::units::{Rgb, Unit};
 use serde::{Deserialize, Serialize};
 
 /// How a solve ended.
@@ -101,6 +101,8 @@ pub struct Report {
     pub scene: String,
     /// Hash of the scene, hexadecimal.
     pub scene_hash: String,
+    /// What power is counted in, lm or W; all of a report's and solution's values are in it.
+    pub unit: Unit,
     /// Settings as asked.
     pub settings: Settings,
     /// How it ended.
@@ -135,7 +137,7 @@ pub struct Report {
     pub iterations: Vec<IterationReport>,
     /// Energy balance; none for a cancelled solve.
     pub energy: Option<Energy>,
-    /// Row sums.
+    /// Row sums; none for a cancelled solve.
     pub row_sum: Option<RowSum>,
     /// Seconds per phase.
     pub phases: Vec<PhaseReport>,

@@ -1,9 +1,12 @@
 //! The last pass of a solve on all cores: irradiance gathered at the sites of the smooth mesh (D19).
 
+use crate::pace::Pace;
 use isolux_core::kernels::Counts;
 use isolux_core::links::{Evaluator, Hierarchy};
 use isolux_core::scene::Scene;
-use isolux_core::solution::{Flow, Gathered, Observer, Phase, Progress, Shadows, Site, SmoothPlan, irradiance_at_site};
+use isolux_core::solution::{
+    Flow, Gathered, Observer, Phase, Progress, Shadows, Site, SmoothPlan, SmoothSurfaces, Watch, irradiance_at_site,
+};
 use isolux_core::tree::ElementId;
 use isolux_core::units::Rgb;
 use rayon::prelude::*;
@@ -14,13 +17,11 @@ const CHANGE_PER_ERROR: f64 = 0.05;
 /// Most rounds: with reflectance 0.9 everywhere what is left after ten is a third of the first change.
 const MAX_ROUNDS: u32 = 10;
 
-/// Sites between two calls of the observer: some milliseconds of work.
-const SITES_PER_WATCH: usize = 256;
-
 /// Gathers in rounds: first at vertices and centres of the leaves, which gives every leaf the mean irradiance that its
 /// surroundings really throw on it; then, from these, at the vertices alone, now with shadows of their own where a
 /// source throws more than `shadows_above` (W/m² or lm/m²). Returns the
-/// irradiance by vertex; `None` when the observer stopped it (leaves then keep what they have).
+/// irradiance by vertex and the surfaces made of it; `None` when the observer stopped it, which is asked every 10 ms or
+/// so (leaves then keep what the last whole round gave them).
 #[allow(clippy::too_many_arguments, reason = "one call site, each a part of the solve")]
 pub(crate) fn gather(
     scene: &Scene,
@@ -31,26 +32,24 @@ pub(crate) fn gather(
     threads: usize,
     counts: &mut Counts,
     observer: &mut dyn Observer,
-) -> Option<Vec<Rgb>> {
+) -> Option<(Vec<Rgb>, SmoothSurfaces)> {
     let elements = hierarchy.elements.clone();
-    let plan = SmoothPlan::new(scene, evaluator.bsp, &elements);
+    let links = hierarchy.links.len();
+    let stage = |done| Progress { done, elements: elements.len(), links, ..Progress::of(Phase::Interpolation) };
+    let plan = SmoothPlan::new(scene, evaluator.bsp, &elements, &mut Watch::new(observer, stage(0.0)))?;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().ok()?;
+    let mut pace = Pace::starting(8 * pool.current_num_threads());
     let mut pass = |sites: &[Site], shadows, hierarchy: &Hierarchy, from: f64, to: f64| {
         let mut values = Vec::with_capacity(sites.len());
-        for chunk in sites.chunks(SITES_PER_WATCH * pool.current_num_threads()) {
+        let mut rest = sites;
+        while !rest.is_empty() {
             let done = from + (to - from) * values.len() as f64 / sites.len() as f64;
-            let links = hierarchy.links.len();
-            let progress = Progress {
-                phase: Phase::Interpolation,
-                done,
-                iteration: 0,
-                residual: 0.0,
-                elements: elements.len(),
-                links,
-            };
-            if observer.observe(&progress) == Flow::Stop {
+            if observer.observe(&stage(done)) == Flow::Stop {
                 return None;
             }
+            let (chunk, after) = rest.split_at(pace.size().min(rest.len()));
+            rest = after;
+            pace.begin();
             let part: Vec<(Gathered, Counts)> = pool.install(|| {
                 chunk
                     .par_iter()
@@ -64,6 +63,7 @@ pub(crate) fn gather(
                 values.push(value);
                 counts.add(&own);
             }
+            pace.end();
         }
         Some(values)
     };
@@ -85,7 +85,8 @@ pub(crate) fn gather(
     let mut values: Vec<Rgb> = last.iter().map(|gathered| gathered.irradiance).collect();
     let openness: Vec<f64> = last.iter().map(|gathered| gathered.openness).collect();
     plan.uncover(evaluator.bsp, &covered, &mut values, &openness);
-    Some(values)
+    let surfaces = plan.assemble(&values, &mut Watch::new(observer, stage(1.0)))?;
+    Some((values, surfaces))
 }
 
 /// Root of the area-weighted mean square by which leaves would change, relative to their mean irradiance.

@@ -8,12 +8,12 @@ use isolux_core::kernels::visibility::Sampling;
 use isolux_core::links::Hierarchy;
 use isolux_core::scene::Scene;
 use isolux_core::solution::{
-    Flow, Interpolation, Observer, Parameters, Progress, SmoothPlan, SmoothSurfaces, Solver, Stop, SurfaceMesh,
-    balance, pilot_irradiance, row_sums,
+    Flow, Interpolation, Observer, Parameters, Phase, Progress, Roots, SmoothPlan, SmoothSurfaces, Solver, Stop,
+    SurfaceMesh, Unobserved, Watch, balance, pilot_irradiance, row_sums,
 };
 use isolux_core::tree::{Bsp, ElementId};
 use isolux_core::units::Rgb;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
 /// D15: `BF_eps` in units of asked error times mean irradiance.
@@ -25,6 +25,10 @@ const AREA_PER_ERROR_SQUARED: f64 = 0.004;
 /// Share of the asked error that may come from stopping the iteration early.
 const ENERGY_PER_ERROR: f64 = 0.05;
 
+/// Shares of progress after which the tree and the first guess are made.
+const TREE_SHARE: f64 = 0.01;
+const PILOT_SHARE: f64 = 0.02;
+
 /// Share of progress after which the iteration ends and its evaluation begins.
 const SOLVER_SHARE: f64 = 0.75;
 
@@ -35,11 +39,14 @@ const SMOOTH_SHARE: f64 = 0.98;
 #[derive(Debug)]
 pub struct Solution {
     pub(crate) scene: Arc<Scene>,
-    pub(crate) bsp: Bsp,
+    /// Made when it is first asked for, where a cancelled solve did without.
+    pub(crate) bsp: OnceLock<Bsp>,
     pub(crate) hierarchy: Hierarchy,
     pub(crate) active: Vec<bool>,
-    pub(crate) surfaces: SmoothSurfaces,
-    /// Irradiance by vertex of the restricted mesh: what `surfaces` was made from.
+    /// Made when first asked for, likewise.
+    pub(crate) surfaces: OnceLock<SmoothSurfaces>,
+    /// Irradiance by vertex of the restricted mesh: what `surfaces` is made from. Empty in a solve that was cancelled
+    /// before it had any: means of the leaves around stand in.
     pub(crate) vertex_irradiance: Vec<Rgb>,
     pub(crate) report: Report,
 }
@@ -81,7 +88,41 @@ impl Stopwatch {
     }
 }
 
-/// Solves `scene`. A solution whose status is `cancelled` is what stood when the observer said stop.
+/// Inserts the scene's polygons; `None` when the observer stopped it.
+fn build_tree(scene: &Scene, settings: &Settings, observer: &mut dyn Observer) -> Option<Bsp> {
+    let mut watch = Watch::new(observer, Progress::of(Phase::Tree));
+    if watch.ask(0.0) == Flow::Stop {
+        return None;
+    }
+    // A node that a piece comes by costs a hundredth of a visibility.
+    Bsp::build_while(scene, settings.order, &mut |visits, done| {
+        watch.step(1.0 + 0.01 * visits as f64, done) == Flow::Continue
+    })
+}
+
+/// Surfaces from the means of leaves; `None` when the observer stopped it.
+fn average(
+    scene: &Scene,
+    bsp: &Bsp,
+    hierarchy: &Hierarchy,
+    observer: &mut dyn Observer,
+) -> Option<(Vec<Rgb>, SmoothSurfaces)> {
+    let Hierarchy { elements, light, .. } = hierarchy;
+    let mut watch = Watch::new(observer, Progress { elements: elements.len(), ..Progress::of(Phase::Interpolation) });
+    let plan = SmoothPlan::new(scene, bsp, elements, &mut watch)?;
+    let values = plan.averaged(light, &mut watch)?;
+    let surfaces = plan.assemble(&values, &mut watch)?;
+    Some((values, surfaces))
+}
+
+/// Something made, as a place where it may be made later.
+fn made<T>(value: Option<T>) -> OnceLock<T> {
+    value.map_or_else(OnceLock::new, OnceLock::from)
+}
+
+/// Solves `scene`. A solution whose status is `cancelled` is what stood when the observer said stop: consistent, and put
+/// together without further work. What it lacks (smooth values, and before anything was linked the tree) is made when it
+/// is asked for.
 ///
 /// # Errors
 /// [`SolveError`] for settings out of range and scenes without light.
@@ -91,10 +132,18 @@ pub fn solve(scene: Arc<Scene>, settings: &Settings, observer: &mut dyn Observer
         return Err(SolveError::NoLight { scene: scene.name.clone() });
     }
     let mut watch = Stopwatch::start();
-    let bsp = Bsp::build(&scene, settings.order);
+    let mut part = Part { observer, from: 0.0, to: TREE_SHARE, stopped: false };
+    let tree = build_tree(&scene, settings, &mut part);
     watch.lap("tree");
-    let pilot = pilot_irradiance(&scene, &bsp, settings.seed);
+    let mut part = Part { observer: part.observer, from: TREE_SHARE, to: PILOT_SHARE, stopped: false };
+    let pilot = tree.as_ref().and_then(|bsp| pilot_irradiance(&scene, bsp, settings.seed, &mut part));
     watch.lap("pilot");
+    let mut status = if pilot.is_some() { Status::IterationLimit } else { Status::Cancelled };
+    let pilot = pilot.unwrap_or(0.0);
+    // A solve that was stopped before it had a tree ends with its polygons, unlinked: fragments there are none yet.
+    let roots = if tree.is_some() { settings.roots } else { Roots::Polygons };
+    let bare = Bsp::new(&scene);
+    let bsp = tree.as_ref().unwrap_or(&bare);
     // Where no surface catches any light, any positive scale will do.
     let scale = if pilot > 0.0 { pilot } else { scene.emitted_power().mean() / scene.area() };
     let error = settings.error;
@@ -108,17 +157,16 @@ pub fn solve(scene: Arc<Scene>, settings: &Settings, observer: &mut dyn Observer
         },
         stop: settings.energy_epsilon.map_or(Stop::Remainder(ENERGY_PER_ERROR * error), Stop::Change),
         update: settings.update,
-        roots: settings.roots,
+        roots,
         form_factor: settings.form_factor,
         sampling: Sampling { rays: settings.rays, weighting: settings.weighting },
         covered: settings.covered,
         seed: settings.seed,
     };
-    let mut part = Part { observer, from: 0.0, to: SOLVER_SHARE, stopped: false };
-    let mut solver: Solver<'_, Counts> = Solver::new(&scene, &bsp, parameters);
+    let mut part = Part { observer: part.observer, from: PILOT_SHARE, to: SOLVER_SHARE, stopped: false };
+    let mut solver: Solver<'_, Counts> = Solver::new(&scene, bsp, parameters);
     let mut iterations = Vec::new();
-    let mut status = Status::IterationLimit;
-    if solver.link_roots(&mut part) == Flow::Stop {
+    if status != Status::Cancelled && solver.link_roots(&mut part) == Flow::Stop {
         status = Status::Cancelled;
     }
     watch.lap("root links");
@@ -146,28 +194,24 @@ pub fn solve(scene: Arc<Scene>, settings: &Settings, observer: &mut dyn Observer
     let (mut hierarchy, active, _, mut counts) = solver.finish();
     watch.lap("iteration");
     let mut rest = Part { observer: part.observer, from: SOLVER_SHARE, to: SMOOTH_SHARE, stopped: false };
-    // A cancelled solve is summed up all the same, in the quick way and without asking again.
-    let quick = status == Status::Cancelled;
-    let gathered = if quick || settings.interpolation == Interpolation::Averaged {
+    let smooth = if status == Status::Cancelled {
         None
+    } else if settings.interpolation == Interpolation::Averaged {
+        average(&scene, bsp, &hierarchy, &mut rest)
     } else {
-        {
-            let above = parameters.thresholds.bf / parameters.thresholds.partial;
-            smooth::gather(&scene, &evaluator, &mut hierarchy, above, error, settings.threads, &mut counts, &mut rest)
-        }
+        let above = parameters.thresholds.bf / parameters.thresholds.partial;
+        smooth::gather(&scene, &evaluator, &mut hierarchy, above, error, settings.threads, &mut counts, &mut rest)
     };
-    if rest.stopped {
+    if smooth.is_none() {
         status = Status::Cancelled;
     }
-    let plan = SmoothPlan::new(&scene, &bsp, &hierarchy.elements);
-    let vertex_irradiance = gathered.unwrap_or_else(|| plan.averaged(&hierarchy.light));
-    let surfaces = plan.assemble(&vertex_irradiance);
+    let (vertex_irradiance, surfaces) = smooth.unzip();
     watch.lap("interpolation");
     let mut rest = Part { observer: rest.observer, from: SMOOTH_SHARE, to: 1.0, stopped: false };
     let measured = if status == Status::Cancelled {
         None
     } else {
-        balance(&scene, &bsp, &hierarchy, &active, settings.seed, &mut Counts::default(), &mut rest)
+        balance(&scene, bsp, &hierarchy, &active, settings.seed, &mut Counts::default(), &mut rest)
     };
     if status != Status::Cancelled && rest.stopped {
         status = Status::Cancelled;
@@ -176,7 +220,8 @@ pub fn solve(scene: Arc<Scene>, settings: &Settings, observer: &mut dyn Observer
     let mut report = Report {
         version: VERSION.to_owned(),
         scene: scene.name.clone(),
-        scene_hash: hex(&scene.hash),
+        scene_hash: scene.hash_text(),
+        unit: scene.unit,
         settings: settings.clone(),
         status,
         bf_epsilon: parameters.thresholds.bf,
@@ -212,7 +257,15 @@ pub fn solve(scene: Arc<Scene>, settings: &Settings, observer: &mut dyn Observer
     summarise(&scene, &hierarchy, &active, &mut report);
     watch.lap("report");
     report.phases = watch.phases;
-    Ok(Solution { scene, bsp, hierarchy, active, surfaces, vertex_irradiance, report })
+    Ok(Solution {
+        bsp: made(tree),
+        scene,
+        hierarchy,
+        active,
+        surfaces: made(surfaces),
+        vertex_irradiance: vertex_irradiance.unwrap_or_default(),
+        report,
+    })
 }
 
 /// Fills in what follows from elements, links and light.
@@ -239,7 +292,8 @@ fn summarise(scene: &Scene, hierarchy: &Hierarchy, active: &[bool], report: &mut
     report.mean_irradiance =
         fronts.map(|root| light.irradiance(root) * elements.get(root).area).sum::<Rgb>() / scene.area();
     let name = |leaf: ElementId| scene.object_name(elements.get(leaf).polygon).to_owned();
-    report.row_sum = row_sums(hierarchy, active).map(|sums| RowSum {
+    let sums = if report.status == Status::Cancelled { None } else { row_sums(hierarchy, active) };
+    report.row_sum = sums.map(|sums| RowSum {
         largest: sums.largest.0,
         largest_object: name(sums.largest.1),
         smallest: sums.smallest.0,
@@ -270,13 +324,21 @@ impl Solution {
     /// The BSP tree that its rays walked.
     #[must_use]
     pub fn bsp(&self) -> &Bsp {
-        &self.bsp
+        self.bsp.get_or_init(|| Bsp::build(&self.scene, self.report.settings.order))
     }
 
     /// Smooth values at the vertices of a restricted mesh.
     #[must_use]
     pub fn mesh(&self) -> &SurfaceMesh {
-        self.surfaces.mesh()
+        self.surfaces().mesh()
+    }
+
+    /// Smooth values at any point.
+    pub(crate) fn surfaces(&self) -> &SmoothSurfaces {
+        self.surfaces.get_or_init(|| {
+            // An observer that never says stop lets everything through.
+            average(&self.scene, self.bsp(), &self.hierarchy, &mut Unobserved).map(|(_, made)| made).unwrap_or_default()
+        })
     }
 
     /// Irradiance of the front at a point of an input face, W/m² or lm/m²; `None` where no such face exists or where
@@ -285,7 +347,7 @@ impl Solution {
     pub fn irradiance_at(&self, face: u32, barycentric: [f64; 3]) -> Option<Rgb> {
         let &polygon = self.scene.face_polygon.get(face as usize)?;
         let point = self.scene.position(face, barycentric);
-        (polygon != Scene::NO_POLYGON).then(|| self.surfaces.irradiance(&self.scene, polygon, point))
+        (polygon != Scene::NO_POLYGON).then(|| self.surfaces().irradiance(&self.scene, polygon, point))
     }
 
     /// Radiosity `E + rho H` of the front at a point of an input face, W/m² or lm/m²; `None` as above.
@@ -302,7 +364,7 @@ impl Solution {
     /// One line that names the first violation.
     pub fn check(&self) -> Result<(), String> {
         self.scene.check().map_err(|violation| violation.to_string())?;
-        self.bsp.check(&self.scene).map_err(|violation| violation.to_string())?;
+        self.bsp().check(&self.scene).map_err(|violation| violation.to_string())?;
         self.hierarchy.elements.check().map_err(|violation| violation.to_string())?;
         self.hierarchy.links.check(&self.hierarchy.elements, &self.scene).map_err(|violation| violation.to_string())?;
         self.hierarchy.light.check(&self.scene, &self.hierarchy.elements).map_err(|violation| violation.to_string())
@@ -323,11 +385,6 @@ impl Solution {
     pub fn from_record(record: Record) -> Result<Solution, RecordError> {
         crate::record::read(record)
     }
-}
-
-/// Lower-case hexadecimal.
-pub(crate) fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// High-water mark of the process's resident memory, bytes; 0 where the system has no `/proc`.

@@ -31,6 +31,7 @@ fn parameters(settings: &Settings, bf: f64, area: f64) -> Parameters {
         roots: settings.roots,
         form_factor: FormFactor::Lambert,
         sampling: Sampling { rays: settings.rays, weighting: settings.weighting },
+        covered: settings.covered,
         seed: settings.seed,
     }
 }
@@ -104,7 +105,7 @@ fn d15_stated_thresholds_make_the_same_hierarchy() {
     let solution = solved(&scene, &settings);
     let report = solution.report();
     let bsp = Bsp::build(&scene, InsertionOrder::AsGiven);
-    let scale = pilot_irradiance(&scene, &bsp, settings.seed);
+    let scale = pilot_irradiance(&scene, &bsp, settings.seed, &mut Unobserved).unwrap();
     // Formula 5 of docs/theory/hierarchy.md; 1e-12: a few roundings.
     assert!((report.bf_epsilon / (0.25 * settings.error * scale) - 1.0).abs() < 1e-12);
     assert!((report.area_epsilon / (0.004 * settings.error * settings.error * scene.area()) - 1.0).abs() < 1e-12);
@@ -123,7 +124,7 @@ fn d15_stated_thresholds_make_the_same_hierarchy() {
 fn d16_updates_in_place_save_iterations() {
     let scene = shipped("room");
     let bsp = Bsp::build(&scene, InsertionOrder::AsGiven);
-    let scale = pilot_irradiance(&scene, &bsp, 0);
+    let scale = pilot_irradiance(&scene, &bsp, 0, &mut Unobserved).unwrap();
     let iterations = |update, error: f64| {
         let settings = Settings { update, error, ..draft() };
         let parameters = parameters(&settings, 0.25 * error * scale, 0.004 * error * error * scene.area());

@@ -6,7 +6,9 @@ mod common;
 
 use common::{draft, irradiances, lit_box, points, scene, solved};
 use isolux::core::scene::{Alpha, AlphaMask, Image, Wrap};
+use isolux::core::units::Unit;
 use isolux::{Array, Data, Record, RecordError, Solution};
+use std::collections::HashMap;
 
 /// A solution with everything that a record can hold: a two-sided pane, a cut-out mask with texture coordinates, an
 /// image.
@@ -251,16 +253,118 @@ fn attributes_are_checked() {
         assert!(record.attributes.contains(from), "{from}");
         reading(Record { attributes: record.attributes.replacen(from, to, 1), ..record.clone() })
     };
-    assert_eq!(with("\"format\":1", "\"format\":2"), RecordError::Format { found: 2, supported: 1 });
-    assert_eq!(with("\"format\":1", "\"form\":1"), RecordError::Missing { name: "attributes/format".into() });
+    assert_eq!(with("\"format\":2", "\"format\":1"), RecordError::Format { found: 1, supported: 2 });
+    assert_eq!(with("\"format\":2", "\"form\":2"), RecordError::Missing { name: "attributes/format".into() });
     assert_eq!(name_of(&with("{", "[")), "attributes");
     assert_eq!(name_of(&with("\"fronts\"", "\"front\"")), "attributes");
     assert_eq!(name_of(&with("\"fronts\":8", "\"fronts\":800")), "attributes/fronts");
     assert_eq!(name_of(&with("\"diameter\":", "\"diameter\":-")), "attributes/diameter");
+    assert_eq!(name_of(&with("\"unit\":\"lm\"", "\"unit\":\"W\"")), "attributes/unit");
+    assert_eq!(name_of(&with("\"unit\":\"lm\"", "\"unit\":\"candles\"")), "attributes");
+    assert_eq!(name_of(&with("\"max_iterations\":100", "\"max_iterations\":0")), "attributes/report");
     let hash = "\"scene_hash\":\"";
     let start = record.attributes.find(hash).unwrap() + hash.len();
     let digit = if record.attributes.as_bytes()[start] == b'0' { "1" } else { "0" };
     let mut attributes = record.attributes.clone();
     attributes.replace_range(start..=start, digit);
     assert_eq!(name_of(&reading(Record { attributes, ..record.clone() })), "scene");
+}
+
+/// Catches a unit that is lost between scene, report and file, or does not tell scenes apart.
+#[test]
+fn the_unit_comes_back() {
+    let mut input = lit_box(0.5);
+    let lumens = scene(input.clone());
+    input.unit = Unit::Radiometric;
+    let solution = solved(&scene(input), &draft());
+    assert_eq!(solution.report().unit, Unit::Radiometric);
+    assert_ne!(solution.scene().hash, lumens.hash);
+    let back = Solution::from_record(solution.to_record()).unwrap();
+    assert_eq!((back.scene().unit, back.report().unit), (Unit::Radiometric, Unit::Radiometric));
+}
+
+/// Catches links that are each a link, but contradict one another or the order that files have: light that travels one
+/// way only as far as the file says, is counted twice, or is called proven where rays estimated it.
+#[test]
+fn links_that_contradict_each_other_are_refused() {
+    let mut record = rich().to_record();
+    let take = |record: &mut Record, name: &str| match &array(record, name).data {
+        Data::U32(values) => values.clone(),
+        other => panic!("{name} holds {other:?}"),
+    };
+    let (receiver, source) = (take(&mut record, "links/receiver"), take(&mut record, "links/source"));
+    let parent = take(&mut record, "elements/parent");
+    let pairs: HashMap<(u32, u32), usize> = (0..receiver.len()).map(|k| ((receiver[k], source[k]), k)).collect();
+    let mutual = (0..receiver.len()).find(|&k| pairs.contains_key(&(source[k], receiver[k]))).unwrap();
+    let refused = |name: &str, change: &dyn Fn(&mut Data), what: &str| {
+        let mut broken = record.clone();
+        change(&mut array(&mut broken, name).data);
+        let error = reading(broken).to_string();
+        assert!(error.contains(what), "{name}: {error}");
+    };
+    let flip = |data: &mut Data| match data {
+        Data::U8(values) => values[mutual] ^= 1,
+        Data::F32(values) => values[mutual] = if values[mutual] == 1.0 { 0.0 } else { 1.0 },
+        Data::F64(values) => values[mutual] *= 1.0 - 1e-9,
+        other => panic!("{other:?}"),
+    };
+    refused("links/proven", &flip, "both directions have one visibility");
+    refused("links/visibility", &flip, "both directions have one visibility");
+    refused("links/form_factor", &flip, "both directions have one exchange area");
+    let set = |at: usize, value: f32| {
+        move |data: &mut Data| match data {
+            Data::U8(values) => values[at] = value as u8,
+            Data::F32(values) => values[at] = value,
+            other => panic!("{other:?}"),
+        }
+    };
+    refused("links/proven", &set(0, 2.0), "2 is neither 0 nor 1");
+    refused("scene/active", &set(0, 2.0), "2 is neither 0 nor 1");
+    refused("scene/active", &set(0, 0.0), "a front took no part");
+    refused("links/visibility", &set(3, -0.25), "-0.25 of link 3");
+    refused("links/visibility", &set(3, f32::INFINITY), "inf of link 3");
+    let proven =
+        (0..receiver.len()).find(|&k| match &record.arrays.iter().find(|a| a.name == "links/proven").unwrap().data {
+            Data::U8(values) => values[k] == 1,
+            _ => false,
+        });
+    refused("links/visibility", &set(proven.unwrap(), 0.5), "a proven visibility is 0 or 1");
+    // The source's parent, for a receiver that keeps the other three of its children: the same place twice.
+    let nested = (0..receiver.len()).find(|&k| {
+        let above = parent[source[k] as usize];
+        let siblings = (0..receiver.len()).filter(|&m| receiver[m] == receiver[k] && m != k);
+        above != u32::MAX && siblings.into_iter().any(|m| parent[source[m] as usize] == above)
+    });
+    let nested = nested.unwrap();
+    let parents = |data: &mut Data| match data {
+        Data::U32(values) => values[nested] = parent[source[nested] as usize],
+        other => panic!("{other:?}"),
+    };
+    let mut broken = record.clone();
+    parents(&mut array(&mut broken, "links/source").data);
+    let error = reading(broken).to_string();
+    assert!(error.contains("exchanges light with a place once") || error.contains("in order"), "{error}");
+    refused(
+        "links/receiver",
+        &|data| {
+            if let Data::U32(values) = data {
+                values.reverse()
+            }
+        },
+        "is not in ascending order",
+    );
+}
+
+/// Catches a whole solve's smooth values left out of its file, which only a cancelled one may do.
+#[test]
+fn smooth_values_may_be_left_out_of_what_was_cancelled_only() {
+    let record = rich().to_record();
+    let mut broken = record.clone();
+    *array(&mut broken, "mesh/irradiance") =
+        Array { name: "mesh/irradiance".into(), shape: vec![0, 3], data: Data::F64(vec![]) };
+    assert_eq!(name_of(&reading(broken.clone())), "mesh/irradiance");
+    broken.attributes = broken.attributes.replacen("\"converged\"", "\"cancelled\"", 1);
+    let solution = Solution::from_record(broken).unwrap();
+    solution.check().unwrap();
+    assert!(irradiances(&solution, &points(solution.scene(), 100, 1)).iter().all(|value| *value > 0.0));
 }

@@ -9,8 +9,8 @@ use common::{difference, draft, irradiances, lit_box, points, scene, shipped, sh
 use isolux::core::DVec3;
 use isolux::core::kernels::form_factor::FormFactor;
 use isolux::core::scene::{Scene, SceneInput};
-use isolux::core::solution::{Flow, Observer, Progress, Unobserved};
-use isolux::core::tree::{ElementId, InsertionOrder};
+use isolux::core::solution::{Flow, Observer, Phase, Progress, Unobserved, WATCH_INTERVAL};
+use isolux::core::tree::{Bsp, ElementId, InsertionOrder};
 use isolux::core::units::Rgb;
 use isolux::{Array, Data, Interpolation, Roots, Settings, Solution, SolveError, Status, Update, solve};
 use proptest::prelude::*;
@@ -377,6 +377,20 @@ impl Observer for Watch {
     }
 }
 
+/// Says stop when so much is done, and wants to hear nothing after that.
+struct Stopper {
+    share: f64,
+    stopped: bool,
+}
+
+impl Observer for Stopper {
+    fn observe(&mut self, progress: &Progress) -> Flow {
+        assert!(!self.stopped, "asked again after it said stop");
+        self.stopped = progress.done >= self.share;
+        if self.stopped { Flow::Stop } else { Flow::Continue }
+    }
+}
+
 /// Catches progress that goes back, leaves its range, or ends far from 1.
 #[test]
 fn progress_never_decreases_and_ends_near_one() {
@@ -399,17 +413,63 @@ fn cancelled_solves_are_sound_and_reopen() {
     let scene = shipped("cornell");
     let mut watch = Watch { left: u64::MAX, seen: Vec::new() };
     solve(scene.clone(), &draft(), &mut watch).unwrap();
-    let calls = watch.seen.len() as u64;
-    let moments = [1, 2, 10, 20, 21, 22, 30].into_iter().chain((1..20).map(|k| calls * k / 20)).chain([calls]);
-    for moment in moments {
-        let mut watch = Watch { left: moment, seen: Vec::new() };
-        let solution = solve(scene.clone(), &draft(), &mut watch).unwrap();
-        assert_eq!(watch.seen.len() as u64, moment, "asked again after it said stop");
-        assert_eq!(solution.report().status, Status::Cancelled, "{moment} of {calls}");
+    let last = watch.seen[watch.seen.len() - 1].done;
+    // How often it is asked while values are smoothed is up to the clock: moments are shares of the work.
+    let early = [0, 1, 2, 3, 10, 20, 21, 22, 30].map(|call| watch.seen[call].done);
+    for share in early.into_iter().chain((1..20).map(|k| last * f64::from(k) / 20.0)).chain([last]) {
+        let mut stopper = Stopper { share, stopped: false };
+        let solution = solve(scene.clone(), &draft(), &mut stopper).unwrap();
+        assert_eq!(solution.report().status, Status::Cancelled, "{share}");
         solution.check().unwrap();
         let back = Solution::from_record(solution.to_record()).unwrap();
         back.check().unwrap();
         assert_eq!(back.report(), solution.report());
+    }
+}
+
+/// Catches a phase that works on without asking: as many questions as its known work demands, [`WATCH_INTERVAL`] at a
+/// time, and one portion at least where the clock sets the pace.
+#[test]
+fn every_phase_asks_whether_to_go_on() {
+    let scene = shipped("cornell");
+    for interpolation in [Interpolation::Averaged, Interpolation::Gathered] {
+        let mut watch = Watch { left: u64::MAX, seen: Vec::new() };
+        let solution = solve(scene.clone(), &Settings { interpolation, ..draft() }, &mut watch).unwrap();
+        let asked = |phase| watch.seen.iter().filter(|progress| progress.phase == phase).count() as f64;
+        let report = solution.report();
+        let leaves = report.leaves as f64;
+        assert!(asked(Phase::Tree) >= 1.0);
+        // A photon makes a ray at least; the balance shoots 2^16.
+        assert!(asked(Phase::Pilot) >= (8192.0 / WATCH_INTERVAL).floor());
+        assert!(asked(Phase::Balance) >= (65536.0 / WATCH_INTERVAL).floor());
+        let seen = report.iterations.iter().map(|iteration| iteration.visibilities).sum::<u64>() as f64;
+        assert!(asked(Phase::Iteration) >= (seen / WATCH_INTERVAL).floor() + report.iterations.len() as f64 - 1.0);
+        // Leaves are gone over at least four times, at half a visibility each.
+        assert!(asked(Phase::Interpolation) >= (2.0 * leaves / WATCH_INTERVAL).floor(), "{leaves}");
+        assert!(watch.seen.windows(2).all(|pair| pair[0].done <= pair[1].done));
+    }
+}
+
+/// Catches a solve that is stopped before anything was linked and cannot be stored, looked at or opened: it has its
+/// lights, and no tree until it is asked for.
+#[test]
+fn a_solve_stopped_at_once_has_its_lights() {
+    let scene = shipped("cornell");
+    for roots in [Roots::Polygons, Roots::Fragments] {
+        let mut watch = Watch { left: 1, seen: Vec::new() };
+        let solution = solve(scene.clone(), &Settings { roots, ..draft() }, &mut watch).unwrap();
+        assert_eq!(watch.seen[0].phase, Phase::Tree);
+        assert_eq!((solution.report().status, solution.report().links.total), (Status::Cancelled, 0));
+        let back = Solution::from_record(solution.to_record()).unwrap();
+        for solution in [&solution, &back] {
+            solution.check().unwrap();
+            assert_eq!(
+                solution.bsp().fragments().len(),
+                Bsp::build(&scene, solution.report().settings.order).fragments().len()
+            );
+            let brightest = solution.mesh().radiosity.iter().map(|value| value.mean()).fold(0.0, f64::max);
+            assert!(brightest > 0.0);
+        }
     }
 }
 

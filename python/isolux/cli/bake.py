@@ -9,7 +9,7 @@ import typer
 
 import isolux
 from isolux.cli.options import JsonTarget, check_target, exposure_factor, write_json
-from isolux.cli.terminal import say, uninterrupted
+from isolux.cli.terminal import interrupts, say
 
 __all__ = ["bake"]
 
@@ -40,9 +40,9 @@ def bake(
         isolux bake room.isolux -o room.vtu
     """
     check_target(out, solution, (".glb", ".ply", ".vtu"))
-    opened = isolux.open(solution)
-    factor = exposure_factor(exposure, opened.exposure)
-    with uninterrupted():
+    with interrupts():
+        opened = isolux.open(solution)
+        factor = exposure_factor(exposure, opened.exposure)
         opened.bake(out, exposure=factor)
     if not write_json(json, {"output": str(out), "exposure": factor}):
         say(f"wrote {out} (exposure {factor:.4g})")

@@ -10,7 +10,7 @@ import typer
 
 from isolux.cli import tables
 from isolux.cli.options import JsonTarget, Units, load_scene, write_json
-from isolux.cli.terminal import show
+from isolux.cli.terminal import interrupts, show
 
 if TYPE_CHECKING:
     from isolux.scene import Scene
@@ -23,7 +23,7 @@ def inspect(
     units: Units = None,
     json: JsonTarget = None,
 ) -> int:
-    """Show what is in a scene: extents, polygons, lights in lumens, cameras, materials, and every finding.
+    """Show what is in a scene: extents, polygons, lights, cameras, materials, and every finding.
 
     For example:
         isolux inspect room.glb
@@ -32,16 +32,21 @@ def inspect(
 
         isolux inspect room.glb --json - | jq '.lights[].total'
     """
-    loaded = load_scene(scene, units)
-    loaded.check()
+    with interrupts():
+        loaded = load_scene(scene, units)
+        loaded.check()
+        return _show(loaded, scene, json)
+
+
+def _show(loaded: Scene, scene: Path, json: str | None) -> int:
     if write_json(json, _values(loaded, scene)):
         return 0
     show(
         tables.scene(loaded, str(scene)),
         "",
-        tables.lights(loaded.lights) if loaded.lights else "no lights",
+        tables.lights(loaded.lights, loaded.unit) if loaded.lights else "no lights",
         "",
-        tables.materials(loaded.materials),
+        tables.materials(loaded.materials, loaded.unit),
         "",
         tables.issues(loaded.issues) if loaded.issues else "no findings",
     )
@@ -54,7 +59,7 @@ def _values(scene: Scene, source: Path) -> dict[str, Any]:
         "file": str(source),
         "name": scene.name,
         "hash": scene.hash,
-        "units": {"length": "m", "area": "m2", "power": "lm or W"},
+        "units": {"length": "m", "area": "m2", "power": scene.unit},
         "bounds": scene.bounds.tolist(),
         "area": scene.area,
         "polygons": dataclasses.asdict(scene.polygons),

@@ -6,12 +6,15 @@ import json
 import math
 import os
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from isolux import _isolux
 from isolux.scene import Scene, load
+
+if TYPE_CHECKING:
+    from isolux.report import Unit
 
 __all__ = [
     "Jobs",
@@ -48,31 +51,32 @@ Units = Annotated[
         "--units",
         metavar="LENGTH[,EMISSION]",
         help="Units of the file: a length (m, cm, mm, in, ft, or metres per unit), and how emission is "
-        "meant: cd/m2 or W/m2/sr (radiance, glTF's way), lm/m2 or W/m2 (radiosity).",
+        "meant: cd/m2 (glTF's way) or W/m2/sr (radiance), lm/m2 or W/m2 (radiosity). Results are in lm or W "
+        "accordingly.",
     ),
 ]
 
 _LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "km": 1000.0, "in": 0.0254, "ft": 0.3048}
-#: A radiosity is pi times a radiance; readers multiply by pi.
-_EMISSIONS = {
-    "cd/m2": 1.0,
-    "w/m2/sr": 1.0,
-    "lm/m2": 1.0 / math.pi,
-    "lx": 1.0 / math.pi,
-    "w/m2": 1.0 / math.pi,
+#: Factor on emission, and what it counts. A radiosity is pi times a radiance; readers multiply by pi.
+_EMISSIONS: dict[str, tuple[float, Unit]] = {
+    "cd/m2": (1.0, "lm"),
+    "w/m2/sr": (1.0, "W"),
+    "lm/m2": (1.0 / math.pi, "lm"),
+    "lx": (1.0 / math.pi, "lm"),
+    "w/m2": (1.0 / math.pi, "W"),
 }
 
 
 def load_scene(path: Path, units: str | None) -> Scene:
     """Load a scene in the units asked for."""
     length: float | None = None
-    emission = 1.0
+    emission, unit = _EMISSIONS["cd/m2"]
     for word in () if units is None else units.split(","):
         key = word.strip().lower()
         if key in _LENGTHS:
             length = _LENGTHS[key]
         elif key in _EMISSIONS:
-            emission = _EMISSIONS[key]
+            emission, unit = _EMISSIONS[key]
         else:
             length = _positive(
                 "--units",
@@ -80,7 +84,7 @@ def load_scene(path: Path, units: str | None) -> Scene:
                 f"'{word}' is neither a length ({', '.join(_LENGTHS)}, or metres per unit) "
                 f"nor an emission ({', '.join(_EMISSIONS)})",
             )
-    return load(path, metres_per_unit=length, emission_scale=emission)
+    return load(path, metres_per_unit=length, emission_scale=emission, unit=unit)
 
 
 def check_target(

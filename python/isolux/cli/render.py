@@ -19,7 +19,7 @@ from isolux.cli.options import (
     write_json,
 )
 from isolux.cli.progress import showing
-from isolux.cli.terminal import say, uninterrupted
+from isolux.cli.terminal import interrupts, say
 
 __all__ = ["render"]
 
@@ -68,20 +68,20 @@ def render(
         )
     look_from, look_at, wanted = point("--eye", eye), point("--at", at), size(pixels)
     check_target(out, solution, (".png", ".exr"))
-    opened = isolux.open(solution)
-    factor = exposure_factor(exposure, opened.exposure)
-    with showing(progress) as hear:
-        picture = opened.render(
-            camera,
-            eye=look_from,
-            at=look_at,
-            vertical_angle=angle,
-            size=wanted,
-            samples=samples,
-            threads=threads,
-            progress=hear,
-        )
-    with uninterrupted():
+    with interrupts():
+        opened = isolux.open(solution)
+        factor = exposure_factor(exposure, opened.exposure)
+        with showing(progress) as hear:
+            picture = opened.render(
+                camera,
+                eye=look_from,
+                at=look_at,
+                vertical_angle=angle,
+                size=wanted,
+                samples=samples,
+                threads=threads,
+                progress=hear,
+            )
         opened.write_image(out, picture, exposure=factor)
     if not write_json(json, {"output": str(out), "exposure": factor, "size": list(wanted)}):
         say(f"wrote {out} (exposure {factor:.4g})")

@@ -20,7 +20,7 @@ from isolux.cli.options import (
     write_json,
 )
 from isolux.cli.progress import showing
-from isolux.cli.terminal import ignore_interrupts, interrupted_once, say, show
+from isolux.cli.terminal import interrupts, say, show
 
 __all__ = ["solve"]
 
@@ -123,7 +123,7 @@ def solve(
 ) -> int:
     """Solve a scene: write a solution file, show the report.
 
-    Ctrl-C keeps what has been computed: a consistent, unfinished solution.
+    Ctrl-C keeps what has been computed: a consistent, unfinished solution. A second Ctrl-C gives it up.
 
     For example:
         isolux solve room.glb -o room.isolux
@@ -159,17 +159,16 @@ def solve(
     }
     settings = isolux.Settings(**fields)
     check_target(out, scene, None, wrong=(".glb", ".gltf", ".obj", ".ply", ".vtu", ".png", ".exr"))
-    with interrupted_once():
+    with interrupts() as hand:
         loaded = load_scene(scene, units)
         _tell_of_issues(loaded)
+        hand.keep()
         try:
             with showing(progress) as hear:
-                solution = isolux.solve(loaded, settings, progress=hear)
-                # Before the bar goes, so that no moment is left in which a result could be lost.
-                ignore_interrupts()
+                solution = isolux.solve(loaded, settings, progress=hand.hearing(hear))
         except isolux.Cancelled as cancelled:
-            if cancelled.solution is None:
-                raise
+            if cancelled.solution is None or hand.presses > 1:
+                raise KeyboardInterrupt from None
             solution = cancelled.solution
         solution.save(out)
         return _show(solution, out, json)

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 from rich.markup import escape
 from rich.table import Table
 
-from isolux.scene import luminance
+from isolux.scene import total_power
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from isolux.report import Bands, Issue, Report
+    from isolux.report import Bands, Issue, Report, Unit
     from isolux.scene import Light, Material, Scene
 
 __all__ = ["issues", "lights", "materials", "report", "scene"]
@@ -39,16 +39,20 @@ def scene(scene: Scene, source: str) -> Table:
             f"{len(scene.triangles):,} ({polygons.dropped_triangles:,} without area, dropped)",
         ),
         ("objects", f"{len(scene.objects):,}"),
-        ("lights", f"{len(scene.lights):,}, {luminance(power):.6g} lm in all ({_bands(power)} by band)"),
+        (
+            "lights",
+            f"{len(scene.lights):,}, {total_power(power, scene.unit):.6g} {scene.unit} in all "
+            f"({_bands(power)} by band)",
+        ),
         ("cameras", ", ".join(scene.cameras) or "none"),
     ]
     return _pairs(rows)
 
 
-def lights(lights: Sequence[Light]) -> Table:
+def lights(lights: Sequence[Light], unit: Unit) -> Table:
     """Lights with their power."""
     names = [("light", "left"), ("material", "left"), ("polygons", "right"), ("area, m²", "right")]
-    names += [("red", "right"), ("green", "right"), ("blue", "right"), ("flux, lm", "right")]
+    names += [("red", "right"), ("green", "right"), ("blue", "right"), (f"power, {unit}", "right")]
     rows = (
         (
             light.object,
@@ -63,9 +67,9 @@ def lights(lights: Sequence[Light]) -> Table:
     return _table(names, rows)
 
 
-def materials(materials: Sequence[Material]) -> Table:
+def materials(materials: Sequence[Material], unit: Unit) -> Table:
     """Materials with their values."""
-    names = [("material", "left"), ("reflectance", "right"), ("emission, lm/m² or W/m²", "right")]
+    names = [("material", "left"), ("reflectance", "right"), (f"emission, {unit}/m²", "right")]
     names += [("opacity", "right"), ("sides", "right")]
     rows = (
         (
@@ -94,7 +98,7 @@ def report(report: Report, target: str) -> Table:
         ("scene", report.scene),
         ("status", report.status),
         ("asked error", f"{report.settings.error:g}"),
-        ("mean irradiance", f"{_bands(report.mean_irradiance)} lm/m² or W/m²"),
+        ("mean irradiance", f"{_bands(report.mean_irradiance)} {report.unit}/m²"),
         ("polygons", f"{report.polygons:,} ({report.lit_backs[0]:,} of {report.lit_backs[1]:,} backs lit)"),
         (
             "elements",

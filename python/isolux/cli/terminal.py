@@ -12,12 +12,14 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
     from types import FrameType
 
     from rich.console import RenderableType
 
-__all__ = ["ignore_interrupts", "interrupted_once", "say", "show", "uninterrupted", "warnings_console"]
+    from isolux import Progress
+
+__all__ = ["Interrupts", "interrupts", "say", "show", "warnings_console"]
 
 #: Columns of what no terminal wraps: long names stay whole in files and pipes.
 _WIDE = 160
@@ -45,42 +47,59 @@ def say(message: str) -> None:
     print(f"isolux: {message}", file=sys.stderr, flush=True)
 
 
-def ignore_interrupts() -> None:
-    """From now on Ctrl-C does nothing: what is left is to put a result on disk."""
-    if threading.current_thread() is threading.main_thread():
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
+class Interrupts:
+    """What Ctrl-C does while a command runs.
 
-
-@contextmanager
-def interrupted_once() -> Iterator[None]:
-    """Let the first Ctrl-C raise KeyboardInterrupt; those after it, from an impatient hand, do nothing.
-
-    They do nothing until the process has ended: Python restores no handler that ignores.
+    At first it raises KeyboardInterrupt: nothing is lost, for nothing has been made. Once there is
+    something to `keep`, the first Ctrl-C is only noted: `hearing` makes it end the computation, and what has
+    been computed is saved. The second one raises, and no file appears that is not whole. Those after it, from
+    an impatient hand, do nothing: the process is on its way out.
     """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
 
-    def stop(_signal: int, _frame: FrameType | None) -> None:
-        ignore_interrupts()
+    def __init__(self) -> None:
+        #: How often Ctrl-C was pressed.
+        self.presses = 0
+        self._keeps = False
+
+    def keep(self) -> None:
+        """From now on the first Ctrl-C is only noted."""
+        self._keeps = True
+
+    def hearing(self, show: Callable[[Progress], None] | None) -> Callable[[Progress], None]:
+        """Give what is to be called with each state of a computation: it ends that after a Ctrl-C."""
+
+        def hear(state: Progress) -> None:
+            if self.presses:
+                raise KeyboardInterrupt
+            if show is not None:
+                show(state)
+
+        return hear
+
+    def _press(self, _signal: int, _frame: FrameType | None) -> None:
+        self.presses += 1
+        if self._keeps and self.presses == 1:
+            return
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
         raise KeyboardInterrupt
 
-    before = signal.signal(signal.SIGINT, stop)
-    try:
-        yield
-    finally:
-        if signal.getsignal(signal.SIGINT) is stop:
-            signal.signal(signal.SIGINT, before)
-
 
 @contextmanager
-def uninterrupted() -> Iterator[None]:
-    """Ignore Ctrl-C: for the moment it takes to put a result on disk."""
+def interrupts() -> Iterator[Interrupts]:
+    """Take Ctrl-C in hand, see `Interrupts`, for as long as a command runs; say so when it ends it."""
+    hand = Interrupts()
     if threading.current_thread() is not threading.main_thread():
-        yield
+        yield hand
         return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    press = hand._press
+    before = signal.signal(signal.SIGINT, press)
     try:
-        yield
+        yield hand
+    except KeyboardInterrupt:
+        # Typer makes it an exit code without a word.
+        say("cancelled")
+        raise
     finally:
-        signal.signal(signal.SIGINT, before)
+        # What ignores stays, until the process has ended.
+        if signal.getsignal(signal.SIGINT) == press:
+            signal.signal(signal.SIGINT, before)

@@ -12,10 +12,12 @@ from isolux.scene import Material, Scene
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from isolux.report import Unit
+
 __all__ = ["load"]
 
 
-def load(path: Path, metres_per_unit: float) -> Scene:
+def load(path: Path, metres_per_unit: float, unit: Unit) -> Scene:
     """Read a mesh with trimesh; its objects keep their names, its materials are left behind.
 
     Raises
@@ -51,6 +53,7 @@ def load(path: Path, metres_per_unit: float) -> Scene:
             _unique(names),
             face_objects=np.repeat(np.arange(len(meshes)), [len(mesh.faces) for mesh in meshes]),
             metres_per_unit=metres_per_unit,
+            unit=unit,
             name=path.stem,
         )
     except SceneError as error:

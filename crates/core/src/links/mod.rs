@@ -9,5 +9,5 @@ mod store;
 pub use check::LinkViolation;
 pub use evaluate::Evaluator;
 pub use link::Link;
-pub use refine::{Hierarchy, refine};
+pub use refine::{Hierarchy, Step, refine};
 pub use store::Links;

@@ -37,19 +37,28 @@ impl Hierarchy {
     }
 }
 
+/// What refinement does next, told so that whoever orders the work can stop it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Step {
+    /// A link is looked at; what the oracle says may take up to four form factors.
+    Decision,
+    /// A visibility is evaluated.
+    Visibility,
+}
+
 /// Refines the links of one receiver: evaluates visibilities that are open, asks the oracle about every link, and
 /// carries out what it says until all that remain are kept. Links that the receiver's children take over end in
 /// their lists, with open visibility.
 ///
-/// `watch` is called before each visibility; when it says stop (false), the list is put back as it stands and false
-/// is returned.
+/// `watch` is called before each step; when it says stop (false), the list is put back as it stands and false is
+/// returned.
 pub fn refine<P: Probe>(
     receiver: ElementId,
     evaluator: &Evaluator<'_>,
     thresholds: &Thresholds,
     hierarchy: &mut Hierarchy,
     probe: &mut P,
-    watch: &mut dyn FnMut(&Hierarchy) -> bool,
+    watch: &mut dyn FnMut(&Hierarchy, Step) -> bool,
 ) -> bool {
     let mut list = hierarchy.links.take(receiver);
     let area = hierarchy.elements.get(receiver).area;
@@ -57,10 +66,14 @@ pub fn refine<P: Probe>(
     let mut go_on = true;
     let mut at = 0;
     while at < list.len() {
+        if !watch(hierarchy, Step::Decision) {
+            go_on = false;
+            break;
+        }
         let link = &mut list[at];
         let sight = match link.sight() {
             Some(sight) => sight,
-            None if !watch(hierarchy) => {
+            None if !watch(hierarchy, Step::Visibility) => {
                 go_on = false;
                 break;
             }

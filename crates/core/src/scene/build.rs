@@ -36,7 +36,7 @@ pub(super) fn build(input: SceneInput, options: &BuildOptions) -> Result<Scene, 
     if !(scale.is_finite() && scale > 0.0) {
         return Err(SceneError::Unit { metres_per_unit: scale });
     }
-    let SceneInput { name, mut objects, faces, mut materials, images, masks, mut cameras, issues, .. } = input;
+    let SceneInput { name, unit, mut objects, faces, mut materials, images, masks, mut cameras, issues, .. } = input;
     let mut notes = Notes { issues, groups: BTreeMap::new() };
     make_unique(objects.iter_mut().map(|object| &mut object.name), "object");
     make_unique(materials.iter_mut().map(|material| &mut material.name), "material");
@@ -45,6 +45,19 @@ pub(super) fn build(input: SceneInput, options: &BuildOptions) -> Result<Scene, 
         material.surface = admit(material.surface, &label, &mut notes)?;
         check_index("mask", &label, mask_of(material), masks.len())?;
         check_index("image", &label, material.texture.as_ref().map(|texture| texture.image), images.len())?;
+    }
+    for (index, mask) in masks.iter().enumerate() {
+        let texels = u64::from(mask.width) * u64::from(mask.height);
+        if texels == 0 || texels != mask.solid.len() as u64 {
+            let holder = materials.iter().find(|material| mask_of(material) == Some(index as u32));
+            return Err(SceneError::MaskSize {
+                material: holder.map_or_else(|| "no material".to_owned(), |material| material.name.clone()),
+                mask: index,
+                width: mask.width,
+                height: mask.height,
+                texels: mask.solid.len(),
+            });
+        }
     }
     let mut pieces = Vec::with_capacity(faces.len());
     let mut triangles = Vec::with_capacity(faces.len());
@@ -55,7 +68,8 @@ pub(super) fn build(input: SceneInput, options: &BuildOptions) -> Result<Scene, 
     pieces.retain(|piece| {
         let mask = mask_of(&materials[piece.material as usize]);
         let is_there = piece.surface.opacity > 0.0 && !mask.is_some_and(|mask| is_empty_mask[mask as usize]);
-        let counts = is_there || piece.surface.emission != Rgb::ZERO;
+        // A pane may shine and let everything pass; the holes of a mask may not.
+        let counts = is_there || (piece.surface.emission != Rgb::ZERO && mask.is_none());
         if !counts {
             notes.count(IssueKind::Ignored, &objects[piece.object as usize].name, piece.faces[0]);
         }
@@ -126,11 +140,12 @@ pub(super) fn build(input: SceneInput, options: &BuildOptions) -> Result<Scene, 
         face_polygon,
         issues: Vec::new(),
         diameter,
+        unit,
         hash: [0; 32],
         name,
     };
     scene.issues = notes.finish();
-    scene.hash = super::hash::hash(&scene);
+    scene.hash = scene.compute_hash();
     Ok(scene)
 }
 
@@ -283,6 +298,9 @@ fn admit(surface: Surface, material: &str, notes: &mut Notes) -> Result<Surface,
     if negative < 0.0 {
         notes.value(IssueKind::NegativeValue, material, negative);
     }
+    if !(0.0..=1.0).contains(&opacity) {
+        notes.value(IssueKind::OpacityClamped, material, opacity);
+    }
     let clamped = |value: f64| if value >= 1.0 { MAX_REFLECTANCE } else { value.max(0.0) };
     Ok(Surface {
         reflectance: reflectance.map(clamped),
@@ -431,6 +449,7 @@ impl Notes {
                 IssueKind::NonPlanarQuad => {
                     format!("{count} quadrilaterals are not planar and convex, cut in two; the first is face {face}")
                 }
+                IssueKind::OpacityClamped => format!("opacity {value} is not within 0 and 1, clamped"),
                 IssueKind::ReflectanceClamped => format!("reflectance {value} clamped to {MAX_REFLECTANCE}"),
                 _ => format!("negative value {value} set to 0"),
             };

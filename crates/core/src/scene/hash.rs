@@ -1,38 +1,173 @@
-//! Identity of a scene: a hash over everything that its links and radiosities depend on.
+//! Identity of a scene: a hash over everything that its results depend on or are read by; [`Scene::compute_hash`] lists
+//! what that is.
 
-use super::{Scene, Wrap};
+use super::{Alpha, AlphaMask, Corners, Material, Plane, Polygon, Scene, Side, Texture, Wrap};
+use crate::units::Rgb;
+use glam::{DVec2, DVec3};
 use sha2::{Digest, Sha256};
 
-/// SHA-256 over polygons (corners, surface values, sides) and masks; names, images and cameras do not count.
+/// What is hashed, and how: changes when either does.
+const LAYOUT: &str = "isolux scene 2";
+
+/// SHA-256 of a scene. Every list and name is preceded by its length, every choice by its number, so that no two scenes
+/// give the same bytes.
 pub(super) fn hash(scene: &Scene) -> [u8; 32] {
-    let mut digest = Sha256::new();
-    let mut number = |value: f64| digest.update(value.to_le_bytes());
-    for polygon in &scene.polygons {
-        number(polygon.corners.len() as f64);
-        for corner in polygon.corners.iter() {
-            corner.to_array().into_iter().for_each(&mut number);
-        }
-        polygon.reflectance.0.into_iter().chain(polygon.emission.0).for_each(&mut number);
-        number(polygon.opacity);
-        number(polygon.twin.map_or(-1.0, f64::from));
-        number(polygon.mask.map_or(-1.0, f64::from));
-        if let (Some(_), Some(uv)) = (polygon.mask, polygon.uv) {
-            uv.iter().flat_map(|uv| uv.to_array()).for_each(&mut number);
+    // All fields are named, so that a new one cannot be forgotten here.
+    let Scene {
+        polygons,
+        fronts,
+        objects,
+        materials,
+        images: _,
+        masks,
+        cameras: _,
+        triangles,
+        face_polygon,
+        issues: _,
+        diameter,
+        unit,
+        hash: _,
+        name: _,
+    } = scene;
+    let mut bytes = Bytes(Sha256::new());
+    bytes.text(LAYOUT);
+    bytes.text(unit.power());
+    bytes.number(*diameter);
+    bytes.count(*fronts);
+    bytes.list(polygons, Bytes::polygon);
+    bytes.list(triangles, |bytes, triangle| triangle.iter().for_each(|&corner| bytes.point(corner)));
+    bytes.list(face_polygon, |bytes, &polygon| bytes.index(polygon));
+    bytes.list(objects, |bytes, object| bytes.text(&object.name));
+    bytes.list(materials, Bytes::material);
+    bytes.list(masks, Bytes::mask);
+    bytes.0.finalize().into()
+}
+
+/// A hash that is being fed.
+struct Bytes(Sha256);
+
+impl Bytes {
+    fn number(&mut self, value: f64) {
+        self.0.update(value.to_le_bytes());
+    }
+
+    fn index(&mut self, value: u32) {
+        self.0.update(value.to_le_bytes());
+    }
+
+    fn count(&mut self, value: usize) {
+        self.0.update((value as u64).to_le_bytes());
+    }
+
+    fn choice(&mut self, value: u8) {
+        self.0.update([value]);
+    }
+
+    fn text(&mut self, text: &str) {
+        self.count(text.len());
+        self.0.update(text.as_bytes());
+    }
+
+    fn list<T>(&mut self, entries: &[T], mut each: impl FnMut(&mut Bytes, &T)) {
+        self.count(entries.len());
+        entries.iter().for_each(|entry| each(self, entry));
+    }
+
+    fn option<T>(&mut self, value: Option<T>, each: impl FnOnce(&mut Bytes, T)) {
+        self.choice(u8::from(value.is_some()));
+        if let Some(value) = value {
+            each(self, value);
         }
     }
-    for mask in &scene.masks {
-        digest.update(mask.width.to_le_bytes());
-        digest.update(mask.height.to_le_bytes());
-        for wrap in mask.wrap {
-            digest.update([match wrap {
-                Wrap::Repeat => 0u8,
+
+    fn point(&mut self, point: DVec3) {
+        point.to_array().into_iter().for_each(|value| self.number(value));
+    }
+
+    fn uv(&mut self, uv: DVec2) {
+        uv.to_array().into_iter().for_each(|value| self.number(value));
+    }
+
+    fn rgb(&mut self, value: Rgb) {
+        value.0.into_iter().for_each(|value| self.number(value));
+    }
+
+    fn wrap(&mut self, wrap: [Wrap; 2]) {
+        for wrap in wrap {
+            self.choice(match wrap {
+                Wrap::Repeat => 0,
                 Wrap::Clamp => 1,
                 Wrap::Mirror => 2,
-            }]);
-        }
-        for &solid in &mask.solid {
-            digest.update([u8::from(solid)]);
+            });
         }
     }
-    digest.finalize().into()
+
+    fn corners(&mut self, corners: &Corners) {
+        self.list(corners, |bytes, &corner| bytes.point(corner));
+    }
+
+    fn polygon(&mut self, polygon: &Polygon) {
+        let Polygon {
+            corners,
+            plane: Plane { normal, offset },
+            area,
+            reflectance,
+            emission,
+            opacity,
+            mask,
+            object,
+            material,
+            side,
+            twin,
+            faces,
+            uv,
+        } = polygon;
+        self.corners(corners);
+        self.point(*normal);
+        self.number(*offset);
+        self.number(*area);
+        self.rgb(*reflectance);
+        self.rgb(*emission);
+        self.number(*opacity);
+        self.option(*mask, Bytes::index);
+        self.index(*object);
+        self.index(*material);
+        self.choice(match side {
+            Side::Front => 0,
+            Side::Back => 1,
+        });
+        self.option(*twin, Bytes::index);
+        faces.iter().for_each(|&face| self.index(face));
+        self.option(*uv, |bytes, uv| uv.into_iter().for_each(|uv| bytes.uv(uv)));
+    }
+
+    fn material(&mut self, material: &Material) {
+        let Material { name, surface, two_sided, alpha, texture } = material;
+        self.text(name);
+        self.rgb(surface.reflectance);
+        self.rgb(surface.emission);
+        self.number(surface.opacity);
+        self.choice(u8::from(*two_sided));
+        match alpha {
+            Alpha::Opaque => self.choice(0),
+            Alpha::Mask(mask) => {
+                self.choice(1);
+                self.index(*mask);
+            }
+            Alpha::Attenuate => self.choice(2),
+        }
+        self.option(texture.as_ref(), |bytes, Texture { image, factor, wrap }| {
+            bytes.index(*image);
+            bytes.rgb(*factor);
+            bytes.wrap(*wrap);
+        });
+    }
+
+    fn mask(&mut self, mask: &AlphaMask) {
+        let AlphaMask { width, height, solid, wrap } = mask;
+        self.index(*width);
+        self.index(*height);
+        self.wrap(*wrap);
+        self.list(solid, |bytes, &solid| bytes.choice(u8::from(solid)));
+    }
 }

@@ -1,7 +1,7 @@
 //! What a reader hands over: named objects with indexed faces, materials, images, cameras; nothing is trusted yet.
 
 use super::{AlphaMask, Camera};
-use crate::units::Rgb;
+use crate::units::{Rgb, Unit};
 use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
@@ -12,6 +12,8 @@ pub struct SceneInput {
     pub name: String,
     /// Metres per length unit of the coordinates (1 for glTF).
     pub metres_per_unit: f64,
+    /// What emission is counted in.
+    pub unit: Unit,
     /// Named objects (a glTF node with a mesh; an OBJ object).
     pub objects: Vec<Object>,
     /// Faces of all objects in file order: the order that face indices count.

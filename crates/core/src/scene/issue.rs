@@ -23,6 +23,8 @@ pub enum IssueKind {
     FlippedFace,
     /// Reflectance of 1 or more was clamped.
     ReflectanceClamped,
+    /// An opacity outside `[0, 1]` was clamped.
+    OpacityClamped,
     /// Negative emission or reflectance was set to zero.
     NegativeValue,
     /// No surface emits.
@@ -92,6 +94,20 @@ pub enum SceneError {
         index: usize,
         /// How many there are.
         count: usize,
+    },
+    /// A cut-out mask does not have the texels that it claims.
+    #[error("material '{material}': mask {mask} has {texels} texels, expected {width} x {height}, at least 1")]
+    MaskSize {
+        /// Name of the first material that uses it.
+        material: String,
+        /// Its index.
+        mask: usize,
+        /// Texels per row.
+        width: u32,
+        /// Rows.
+        height: u32,
+        /// Texels found.
+        texels: usize,
     },
     /// A material value is NaN or infinite.
     #[error("material '{material}': {what} is not a finite number")]

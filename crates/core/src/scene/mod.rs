@@ -21,7 +21,7 @@ pub use issue::{Issue, IssueKind, SceneError, Severity};
 pub use mask::AlphaMask;
 pub use polygon::{Plane, Polygon, Side};
 
-use crate::units::Rgb;
+use crate::units::{Rgb, Unit};
 use glam::{DVec2, DVec3};
 
 /// A validated scene of one-sided polygons. Lengths are in metres (the input's unit scale applied).
@@ -54,7 +54,10 @@ pub struct Scene {
     pub issues: Vec<Issue>,
     /// Diagonal of the bounding box of all polygons, metres: the length that every tolerance is relative to.
     pub diameter: f64,
-    /// SHA-256 over geometry, materials and masks: equal hashes mean equal links.
+    /// What the power of its lights is counted in.
+    pub unit: Unit,
+    /// SHA-256 over everything that a result depends on or is read by, see [`Scene::compute_hash`]: equal hashes mean
+    /// equal results that mean the same.
     pub hash: [u8; 32],
     /// Name of the scene (file stem, or what the caller gave).
     pub name: String,
@@ -98,10 +101,22 @@ impl Scene {
         &self.objects[self.polygons[polygon as usize].object as usize].name
     }
 
-    /// SHA-256 over polygons and masks as they are now; equals `hash` unless someone changed them.
+    /// SHA-256 over the scene as it is now; equals `hash` unless someone changed it.
+    ///
+    /// It covers what a result depends on: polygons (corners, plane, area, surface values, sides, twins, masks with
+    /// their texture coordinates), masks, the diameter that tolerances refer to, and the unit of power. And it covers
+    /// what a result is read by: input triangles, which polygon holds which of them, objects and materials by name
+    /// and value (reports and outputs speak of them), texture coordinates. It does not cover the name of the scene,
+    /// which a copied file may change, its cameras, images and findings: they change no value on a surface.
     #[must_use]
     pub fn compute_hash(&self) -> [u8; 32] {
         hash::hash(self)
+    }
+
+    /// The hash as 64 lower-case hexadecimal digits.
+    #[must_use]
+    pub fn hash_text(&self) -> String {
+        self.hash.iter().map(|byte| format!("{byte:02x}")).collect()
     }
 
     /// Position of a point given by face index and barycentric coordinates, metres.

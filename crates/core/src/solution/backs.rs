@@ -1,6 +1,7 @@
 //! Backs of two-sided surfaces sleep until light can reach them (D4): most of them face the inside of closed objects.
 
 use super::trace::trace;
+use super::{Flow, Watch};
 use crate::kernels::NoProbe;
 use crate::sampling::{Stream, mix};
 use crate::scene::Scene;
@@ -12,17 +13,26 @@ use std::collections::BTreeSet;
 const RAYS: u64 = 64;
 
 /// Backs that have no elements in play yet, with the polygons that they see.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct LazyBacks {
     sleeping: Vec<(u32, Vec<u32>)>,
 }
 
 impl LazyBacks {
-    /// Looks out from every polygon that is not `active`.
-    pub(super) fn new(scene: &Scene, bsp: &Bsp, active: &[bool], seed: u64) -> LazyBacks {
+    /// Looks out from every polygon that is not `active`; `None` when the watch says stop.
+    pub(super) fn new(
+        scene: &Scene,
+        bsp: &Bsp,
+        active: &[bool],
+        seed: u64,
+        watch: &mut Watch<'_>,
+    ) -> Option<LazyBacks> {
         let asleep = (scene.fronts..scene.polygons.len()).filter(|&index| !active[index]);
-        let sleeping = asleep.map(|index| (index as u32, seen_from(scene, bsp, index as u32, seed))).collect();
-        LazyBacks { sleeping }
+        let look = |index| {
+            let seen = seen_from(scene, bsp, index as u32, seed);
+            (watch.step(RAYS as f64, 0.0) == Flow::Continue).then_some((index as u32, seen))
+        };
+        Some(LazyBacks { sleeping: asleep.map(look).collect::<Option<_>>()? })
     }
 
     /// Removes and returns the backs that see a polygon for which `is_lit` holds, in order.

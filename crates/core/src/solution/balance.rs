@@ -2,7 +2,7 @@
 //! links, and sums of form factors over the rows of the system.
 
 use super::trace::trace;
-use super::{Flow, Observer, Phase, Progress};
+use super::{Flow, Observer, Phase, Progress, Watch};
 use crate::kernels::Probe;
 use crate::kernels::visibility::is_exposed;
 use crate::links::Hierarchy;
@@ -91,22 +91,12 @@ pub fn balance<P: Probe>(
         balance.lost_to_backs += scene.polygons[element.polygon as usize].emission * covered;
     }
     let emitted_into_cover = balance.lost_to_backs.mean();
+    let mut watch = Watch::new(observer, Progress { elements: elements.len(), ..Progress::of(Phase::Balance) });
     let mut squares = 0.0;
     let (mut at, mut passed) = (0, 0.0);
     for ray in 0..RAYS {
-        if ray % 1024 == 0 {
-            let done = ray as f64 / RAYS as f64;
-            let progress = Progress {
-                phase: Phase::Balance,
-                done,
-                iteration: 0,
-                residual: 0.0,
-                elements: elements.len(),
-                links: 0,
-            };
-            if observer.observe(&progress) == Flow::Stop {
-                return None;
-            }
+        if watch.step(1.0, ray as f64 / RAYS as f64) == Flow::Stop {
+            return None;
         }
         let mut stream = Stream::new(mix(seed ^ 0x0062_616c_616e_6365) ^ ray);
         let target = (ray as f64 + stream.next_unit()) / RAYS as f64 * total;

@@ -1,7 +1,7 @@
 //! Smooth values from constant elements: leaves with their irradiance go in, vertex values on a restricted mesh
 //! without T-junctions come out, and the means to read them at any point.
 
-use super::{Gathered, Light, SurfaceMesh};
+use super::{Flow, Gathered, Light, SurfaceMesh, Watch};
 use crate::kernels::NoProbe;
 use crate::kernels::visibility::is_exposed;
 use crate::links::Evaluator;
@@ -12,6 +12,10 @@ use crate::units::Rgb;
 use glam::DVec3;
 use rustc_hash::FxHashMap;
 use std::ops::Range;
+
+/// Work on a cell or a leaf, in units of a visibility: each pass over them takes 0.3 to 1 microseconds for one, a
+/// visibility 2 to 3.
+const CELL_WORK: f64 = 0.5;
 
 /// Marks a cell without children.
 const NO_CELL: u32 = u32::MAX;
@@ -125,7 +129,7 @@ fn bilinear_coordinates(corners: &Corners, normal: DVec3, point: DVec3) -> (f64,
 
 /// Coplanar neighbours with a common edge, and nothing standing on it, have one irradiance along it. Returns a group
 /// number per polygon.
-fn smoothing_groups(scene: &Scene, bsp: &Bsp) -> Vec<u32> {
+fn smoothing_groups(scene: &Scene, bsp: &Bsp, watch: &mut Watch<'_>) -> Option<Vec<u32>> {
     let mut group: Vec<u32> = (0..scene.polygons.len() as u32).collect();
     fn find(group: &mut [u32], mut at: u32) -> u32 {
         while group[at as usize] != at {
@@ -136,6 +140,9 @@ fn smoothing_groups(scene: &Scene, bsp: &Bsp) -> Vec<u32> {
     }
     let mut edges: FxHashMap<[[u64; 3]; 2], Vec<u32>> = FxHashMap::default();
     for (index, polygon) in scene.polygons.iter().enumerate() {
+        if watch.step(1.0, 0.0) == Flow::Stop {
+            return None;
+        }
         let corners = &polygon.corners;
         for k in 0..corners.len() {
             let (from, to) = (corners[k], corners[(k + 1) % corners.len()]);
@@ -149,7 +156,7 @@ fn smoothing_groups(scene: &Scene, bsp: &Bsp) -> Vec<u32> {
             edges.entry([key(from), key(to)]).or_default().push(index as u32);
         }
     }
-    (0..group.len() as u32).map(|index| find(&mut group, index)).collect()
+    Some((0..group.len() as u32).map(|index| find(&mut group, index)).collect())
 }
 
 /// Same plane, and a short ray just above the edge passes.
@@ -224,16 +231,18 @@ pub struct SmoothPlan<'a> {
 }
 
 impl<'a> SmoothPlan<'a> {
-    /// Lays out the restricted mesh of the elements' leaves and finds its sites.
-    #[must_use]
-    pub fn new(scene: &'a Scene, bsp: &Bsp, elements: &'a Elements) -> SmoothPlan<'a> {
-        let mut builder = Builder::new(scene, elements);
-        builder.restrict();
-        let groups = smoothing_groups(scene, bsp);
+    /// Lays out the restricted mesh of the elements' leaves and finds its sites. `None` when the watch says stop.
+    pub fn new(scene: &'a Scene, bsp: &Bsp, elements: &'a Elements, watch: &mut Watch<'_>) -> Option<SmoothPlan<'a>> {
+        let mut builder = Builder::new(scene, elements, watch)?;
+        builder.restrict(watch)?;
+        let groups = smoothing_groups(scene, bsp, watch)?;
         let mut index: FxHashMap<(u32, u32), u32> = FxHashMap::default();
         let mut corners: Vec<Vertex> = Vec::new();
         let mut leaves = Vec::new();
         for leaf in elements.leaves() {
+            if watch.step(CELL_WORK, 0.0) == Flow::Stop {
+                return None;
+            }
             let element = elements.get(leaf);
             let (centre, group) = (element.corners.mean(), groups[element.polygon as usize]);
             let outline = builder.outline(&element.corners);
@@ -261,7 +270,7 @@ impl<'a> SmoothPlan<'a> {
         let mut sites: Vec<Site> = corners.iter().map(Vertex::site).collect();
         let centres = sites.len();
         sites.extend(leaves.iter().map(|&(leaf, _)| Site { position: elements.get(leaf).corners.mean(), leaf }));
-        SmoothPlan { builder, groups, index, sites, centres, leaves, inner }
+        Some(SmoothPlan { builder, groups, index, sites, centres, leaves, inner })
     }
 
     /// All places whose irradiance is asked for: vertices first, then the centres of the leaves.
@@ -277,12 +286,14 @@ impl<'a> SmoothPlan<'a> {
     }
 
     /// Irradiance at the vertices from that of the leaves around them: means weighted by inverse distance to the
-    /// leaves' centres; at borders continued linearly, so that a leaf's mean is kept.
-    #[must_use]
-    pub fn averaged(&self, light: &Light) -> Vec<Rgb> {
+    /// leaves' centres; at borders continued linearly, so that a leaf's mean is kept. `None` when the watch says stop.
+    pub fn averaged(&self, light: &Light, watch: &mut Watch<'_>) -> Option<Vec<Rgb>> {
         let elements = self.builder.elements;
         let mut around = vec![Blend::default(); self.centres];
         for (leaf, vertices) in &self.leaves {
+            if watch.step(CELL_WORK, 0.0) == Flow::Stop {
+                return None;
+            }
             let centre = elements.get(*leaf).corners.mean();
             for &(site, _) in vertices {
                 // The vertex itself, not its inset: distances to the leaves around are what counts.
@@ -292,6 +303,9 @@ impl<'a> SmoothPlan<'a> {
         let mut values: Vec<Rgb> = around.iter().map(Blend::mean).collect();
         let mut border = vec![Blend::default(); self.centres];
         for (leaf, vertices) in &self.leaves {
+            if watch.step(CELL_WORK, 0.0) == Flow::Stop {
+                return None;
+            }
             let centre = elements.get(*leaf).corners.mean();
             let corners: Vec<u32> =
                 vertices.iter().filter(|(_, is_corner)| *is_corner).map(|&(site, _)| site).collect();
@@ -310,7 +324,7 @@ impl<'a> SmoothPlan<'a> {
         for (value, border) in values.iter_mut().zip(&border).filter(|(_, border)| border.weight > 0.0) {
             *value = border.mean().map(|value| value.max(0.0));
         }
-        values
+        Some(values)
     }
 
     /// Which sites something covers, by site: only sites of leaves that are partly covered are looked at. Their values
@@ -389,11 +403,10 @@ impl<'a> SmoothPlan<'a> {
         means.collect()
     }
 
-    /// Puts the mesh together. `values`: irradiance by site, at least of the vertices.
-    #[must_use]
-    pub fn assemble(self, values: &[Rgb]) -> SmoothSurfaces {
+    /// Puts the mesh together. `values`: irradiance by site, at least of the vertices. `None` when the watch says stop.
+    pub fn assemble(self, values: &[Rgb], watch: &mut Watch<'_>) -> Option<SmoothSurfaces> {
         let SmoothPlan { builder, groups, index, .. } = self;
-        builder.assemble(&groups, &Values { index: &index, values })
+        builder.assemble(&groups, &Values { index: &index, values }, watch)
     }
 }
 
@@ -451,10 +464,13 @@ struct Builder<'a> {
 
 impl<'a> Builder<'a> {
     /// Cells that mirror the elements.
-    fn new(scene: &'a Scene, elements: &'a Elements) -> Builder<'a> {
+    fn new(scene: &'a Scene, elements: &'a Elements, watch: &mut Watch<'_>) -> Option<Builder<'a>> {
         let mut points = FxHashMap::default();
         let mut cells = Vec::with_capacity(elements.len());
         for (index, element) in elements.as_slice().iter().enumerate() {
+            if watch.step(CELL_WORK, 0.0) == Flow::Stop {
+                return None;
+            }
             for &corner in element.corners.iter() {
                 let next = points.len() as u32;
                 points.entry(key(corner)).or_insert(next);
@@ -474,7 +490,7 @@ impl<'a> Builder<'a> {
             let range = &mut roots_of[cells[root as usize].polygon as usize];
             *range = if range.start == range.end { root..root + 1 } else { range.start..root + 1 };
         }
-        Builder { scene, elements, cells, points, roots_of }
+        Some(Builder { scene, elements, cells, points, roots_of })
     }
 
     /// Levels of vertices that hang on an edge.
@@ -486,14 +502,17 @@ impl<'a> Builder<'a> {
         1 + self.hanging_levels(from, centre, limit - 1).max(self.hanging_levels(centre, to, limit - 1))
     }
 
-    /// Splits leaves until no edge carries more than one level of hanging vertices.
-    fn restrict(&mut self) {
+    /// Splits leaves until no edge carries more than one level of hanging vertices. `None` when the watch says stop.
+    fn restrict(&mut self, watch: &mut Watch<'_>) -> Option<()> {
         let mut pending: Vec<u32> =
             (0..self.cells.len() as u32).filter(|&cell| self.cells[cell as usize].first_child == NO_CELL).collect();
         loop {
             let before = self.cells.len();
             let mut coarse = Vec::new();
             for at in pending {
+                if watch.step(CELL_WORK, 0.0) == Flow::Stop {
+                    return None;
+                }
                 let corners = self.cells[at as usize].corners;
                 let edges = (0..corners.len()).map(|k| (corners[k], corners[(k + 1) % corners.len()]));
                 let levels = edges.map(|(from, to)| self.hanging_levels(from, to, 2)).max().unwrap_or(0);
@@ -505,6 +524,7 @@ impl<'a> Builder<'a> {
             coarse.extend(before as u32..self.cells.len() as u32);
             pending = coarse.into_iter().filter(|&cell| self.cells[cell as usize].first_child == NO_CELL).collect();
         }
+        Some(())
     }
 
     fn split(&mut self, at: u32) {
@@ -540,14 +560,14 @@ impl<'a> Builder<'a> {
     }
 
     /// Puts the mesh together: vertices and triangles polygon by polygon.
-    fn assemble(mut self, groups: &[u32], values: &Values<'_>) -> SmoothSurfaces {
+    fn assemble(mut self, groups: &[u32], values: &Values<'_>, watch: &mut Watch<'_>) -> Option<SmoothSurfaces> {
         let mut mesh = SurfaceMesh::default();
         for polygon in 0..self.scene.polygons.len() as u32 {
             mesh.vertex_start.push(mesh.positions.len() as u32);
             mesh.triangle_start.push(mesh.triangles.len() as u32);
             let mut sheet = Sheet { group: groups[polygon as usize], vertices: FxHashMap::default() };
             for root in self.roots_of[polygon as usize].clone() {
-                self.lay_out(root, &mut sheet, values, &mut mesh);
+                self.lay_out(root, &mut sheet, values, &mut mesh, watch)?;
             }
         }
         mesh.vertex_start.push(mesh.positions.len() as u32);
@@ -558,11 +578,22 @@ impl<'a> Builder<'a> {
                 mesh.radiosity[vertex] = polygon.emission + polygon.reflectance * mesh.irradiance[vertex];
             }
         }
-        SmoothSurfaces { mesh, cells: self.cells, roots_of: self.roots_of }
+        Some(SmoothSurfaces { mesh, cells: self.cells, roots_of: self.roots_of })
     }
 
-    /// Vertices first, corners before what the restriction added inside; then the children, or the triangles.
-    fn lay_out(&mut self, at: u32, sheet: &mut Sheet, values: &Values<'_>, mesh: &mut SurfaceMesh) {
+    /// Vertices first, corners before what the restriction added inside; then the children, or the triangles. `None` when
+    /// the watch says stop.
+    fn lay_out(
+        &mut self,
+        at: u32,
+        sheet: &mut Sheet,
+        values: &Values<'_>,
+        mesh: &mut SurfaceMesh,
+        watch: &mut Watch<'_>,
+    ) -> Option<()> {
+        if watch.step(CELL_WORK, 0.0) == Flow::Stop {
+            return None;
+        }
         let cell = self.cells[at as usize].clone();
         let element_is_leaf = self.elements.is_leaf(cell.element);
         let outline = self.outline(&cell.corners);
@@ -588,9 +619,9 @@ impl<'a> Builder<'a> {
                 }
             }
             for child in cell.first_child..cell.first_child + 4 {
-                self.lay_out(child, sheet, values, mesh);
+                self.lay_out(child, sheet, values, mesh, watch)?;
             }
-            return;
+            return Some(());
         }
         let corners = self.corner_vertices(&outline, sheet, values, mesh);
         let first = mesh.triangles.len() as u32;
@@ -617,6 +648,7 @@ impl<'a> Builder<'a> {
         for (slot, corner) in cell.vertices.iter_mut().zip(corners) {
             *slot = corner;
         }
+        Some(())
     }
 
     fn corner_vertices(

@@ -16,6 +16,6 @@ pub use interpolate::{Site, SmoothPlan, SmoothSurfaces};
 pub use light::{Light, LightViolation, Update};
 pub use mesh::SurfaceMesh;
 pub use pilot::pilot_irradiance;
-pub use progress::{Flow, Observer, Phase, Progress, Unobserved};
+pub use progress::{Flow, Observer, Phase, Progress, Unobserved, WATCH_INTERVAL, Watch};
 pub use solver::{Interpolation, Iteration, Parameters, Roots, Solver, Stop};
 pub use vertex_gather::{Gathered, Shadows, irradiance_at_site};

@@ -1,6 +1,7 @@
 //! A first guess of how bright the scene is: a few thousand random walks that know nothing of links.
 
 use super::trace::trace;
+use super::{Flow, Observer, Phase, Progress, Watch};
 use crate::kernels::NoProbe;
 use crate::sampling::{Stream, mix};
 use crate::scene::{Scene, Side};
@@ -14,13 +15,13 @@ const PHOTONS: u64 = 8192;
 const LEAST_WEIGHT: f64 = 1e-3;
 
 /// Mean irradiance over all fronts (mean over bands), W/m² or lm/m², estimated by random walks from the lights. Zero
-/// when nothing emits.
-#[must_use]
-pub fn pilot_irradiance(scene: &Scene, bsp: &Bsp, seed: u64) -> f64 {
+/// when nothing emits; `None` when the observer stopped it, which is asked every few hundred rays.
+pub fn pilot_irradiance(scene: &Scene, bsp: &Bsp, seed: u64, observer: &mut dyn Observer) -> Option<f64> {
+    let mut watch = Watch::new(observer, Progress::of(Phase::Pilot));
     let powers: Vec<f64> = scene.polygons.iter().map(|polygon| polygon.emission.mean() * polygon.area).collect();
     let power: f64 = powers.iter().sum();
     if power <= 0.0 {
-        return 0.0;
+        return Some(0.0);
     }
     let mut deposited = 0.0;
     let mut light = 0;
@@ -37,6 +38,9 @@ pub fn pilot_irradiance(scene: &Scene, bsp: &Bsp, seed: u64) -> f64 {
         let mut origin = stream.point(&polygon.corners, &polygon.plane);
         let mut weight = 1.0;
         while weight > LEAST_WEIGHT {
+            if watch.step(1.0, photon as f64 / PHOTONS as f64) == Flow::Stop {
+                return None;
+            }
             let direction = stream.cosine_direction(polygon.plane.normal);
             let Some(ending) = trace(scene, bsp, &polygon.plane, origin, direction, &mut stream, &mut NoProbe) else {
                 break;
@@ -51,5 +55,5 @@ pub fn pilot_irradiance(scene: &Scene, bsp: &Bsp, seed: u64) -> f64 {
             weight *= polygon.reflectance.mean() / polygon.opacity;
         }
     }
-    deposited * power / PHOTONS as f64 / scene.area()
+    Some(deposited * power / PHOTONS as f64 / scene.area())
 }

@@ -2,12 +2,12 @@
 //! a hierarchy with light comes out. Time is the caller's.
 
 use super::backs::LazyBacks;
-use super::{Flow, Light, Observer, Phase, Progress, Update};
+use super::{Flow, Light, Observer, Phase, Progress, Update, WATCH_INTERVAL, Watch};
 use crate::kernels::Probe;
 use crate::kernels::form_factor::FormFactor;
 use crate::kernels::oracle::Thresholds;
 use crate::kernels::visibility::{Covered, Sampling};
-use crate::links::{Evaluator, Hierarchy, Link, Links, refine};
+use crate::links::{Evaluator, Hierarchy, Link, Links, Step, refine};
 use crate::scene::{Plane, Scene, Side};
 use crate::tree::{Bsp, ElementId, Elements};
 use crate::units::Rgb;
@@ -86,11 +86,9 @@ const FIRST_ITERATION_SHARE: f64 = 0.75;
 /// the excess of single elements away and leave what others miss: the room then loses 8 % of its light.
 const MOST_OPENNESS: f64 = 2.0;
 
-/// Work of one gathered link in units of one visibility, for the estimate of progress only.
+/// Work of one gathered link, or one decision, in units of one visibility: for the estimate of progress, and for how
+/// often the observer is asked.
 const GATHER_WORK: f64 = 0.01;
-
-/// Visibilities between two calls of the observer: about a millisecond of work.
-const WATCH_INTERVAL: u64 = 256;
 
 /// A solve in progress.
 #[derive(Debug)]
@@ -104,6 +102,8 @@ pub struct Solver<'a, P> {
     /// What kernels did so far.
     pub probe: P,
     forecast: Forecast,
+    /// Work since the observer was asked, in units of one visibility.
+    unwatched: f64,
     iterations: Vec<Iteration>,
 }
 
@@ -145,11 +145,12 @@ impl<'a, P: Probe + Default> Solver<'a, P> {
             evaluator,
             parameters,
             hierarchy: Hierarchy { elements, links, light },
-            backs: LazyBacks::new(scene, bsp, &active, seed),
+            backs: LazyBacks::default(),
             roots_of,
             active,
             probe,
             forecast: Forecast::default(),
+            unwatched: 0.0,
             iterations: Vec::new(),
         }
     }
@@ -178,9 +179,15 @@ impl<'a, P: Probe + Default> Solver<'a, P> {
         &self.active
     }
 
-    /// Links every pair of roots that see each other's front (D7): form factor and visibility once per pair, for both
-    /// directions.
+    /// Looks out from the backs that sleep, and links every pair of roots that see each other's front (D7): form factor and
+    /// visibility once per pair, for both directions.
     pub fn link_roots(&mut self, observer: &mut dyn Observer) -> Flow {
+        let Evaluator { scene, bsp, seed, .. } = self.evaluator;
+        let mut watch = Watch::new(observer, Progress::of(Phase::RootLinks));
+        match LazyBacks::new(scene, bsp, &self.active, seed, &mut watch) {
+            Some(backs) => self.backs = backs,
+            None => return self.cancel(),
+        }
         let polygons: Vec<u32> = (0..self.active.len() as u32).filter(|&index| self.active[index as usize]).collect();
         for (count, &one) in polygons.iter().enumerate() {
             let done = self.forecast.root_links(count as f64 / polygons.len() as f64);
@@ -188,7 +195,9 @@ impl<'a, P: Probe + Default> Solver<'a, P> {
                 return self.cancel();
             }
             for &two in &polygons[..count] {
-                self.link_pair(one, two);
+                if self.link_pair(one, two, observer, Phase::RootLinks, done) == Flow::Stop {
+                    return self.cancel();
+                }
             }
         }
         self.sort_root_lists();
@@ -196,12 +205,12 @@ impl<'a, P: Probe + Default> Solver<'a, P> {
     }
 
     /// Links all roots of two polygons.
-    fn link_pair(&mut self, one: u32, two: u32) {
+    fn link_pair(&mut self, one: u32, two: u32, observer: &mut dyn Observer, phase: Phase, done: f64) -> Flow {
         let scene = self.evaluator.scene;
         let (p, q) = (&scene.polygons[one as usize], &scene.polygons[two as usize]);
         let in_front = |plane: &Plane, corners: &[glam::DVec3]| corners.iter().any(|&c| plane.distance(c) > 0.0);
         if !(in_front(&p.plane, &q.corners) && in_front(&q.plane, &p.corners)) {
-            return;
+            return self.watch(GATHER_WORK, observer, phase, done);
         }
         for a in self.roots_of[one as usize].clone().map(ElementId) {
             for b in self.roots_of[two as usize].clone().map(ElementId) {
@@ -214,8 +223,12 @@ impl<'a, P: Probe + Default> Solver<'a, P> {
                         links.push(receiver, Link::new(source, form_factor, sight));
                     }
                 }
+                if self.watch(1.0, observer, phase, done) == Flow::Stop {
+                    return Flow::Stop;
+                }
             }
         }
+        Flow::Continue
     }
 
     fn sort_root_lists(&mut self) {
@@ -229,7 +242,10 @@ impl<'a, P: Probe + Default> Solver<'a, P> {
     /// One iteration: wakes backs that light has reached, refines and gathers every root, pulls, and measures the
     /// change. `None` when the observer stopped it: the hierarchy is then consistent but unfinished.
     pub fn iterate(&mut self, observer: &mut dyn Observer) -> Option<Iteration> {
-        self.wake_backs();
+        if self.wake_backs(observer) == Flow::Stop {
+            self.cancel();
+            return None;
+        }
         let before = self.hierarchy.light.total(&self.hierarchy.elements).mean();
         let roots: Vec<ElementId> = self.active_roots();
         let estimates: Vec<f64> = roots.iter().map(|&root| self.estimate(root)).collect();
@@ -272,40 +288,50 @@ impl<'a, P: Probe + Default> Solver<'a, P> {
         active.flat_map(|(roots, _)| roots.clone().map(ElementId)).collect()
     }
 
-    fn wake_backs(&mut self) {
+    fn wake_backs(&mut self, observer: &mut dyn Observer) -> Flow {
         let woken = self.backs.wake(|polygon| {
             let roots = self.roots_of[polygon as usize].clone();
             roots.into_iter().any(|root| self.hierarchy.light.radiosity(ElementId(root)).max_component() > 0.0)
         });
         if woken.is_empty() {
-            return;
+            return Flow::Continue;
         }
+        let done = self.forecast.shown.get();
         for back in woken {
-            for other in (0..self.active.len() as u32).filter(|&other| self.active[other as usize]).collect::<Vec<_>>()
-            {
-                self.link_pair(back, other);
-            }
+            let others: Vec<u32> = (0..self.active.len() as u32).filter(|&other| self.active[other as usize]).collect();
             self.active[back as usize] = true;
+            for other in others {
+                if self.link_pair(back, other, observer, Phase::Iteration, done) == Flow::Stop {
+                    return Flow::Stop;
+                }
+            }
         }
         self.sort_root_lists();
+        Flow::Continue
     }
 
     /// Refines and gathers an element and all below it; `arriving` is what its ancestors gathered.
     fn visit(&mut self, id: ElementId, arriving: Arriving, observer: &mut dyn Observer) -> Flow {
-        let Solver { evaluator, parameters, hierarchy, probe, forecast, iterations, .. } = self;
+        let Solver { evaluator, parameters, hierarchy, probe, forecast, unwatched, iterations, .. } = self;
         let residual = iterations.last().map_or(f64::INFINITY, |iteration| iteration.residual);
-        let mut watch = |hierarchy: &Hierarchy| {
-            forecast.visibility();
-            if !forecast.visibilities.is_multiple_of(WATCH_INTERVAL) {
+        let mut watch = |hierarchy: &Hierarchy, step: Step| {
+            *unwatched += match step {
+                Step::Decision => GATHER_WORK,
+                Step::Visibility => {
+                    forecast.visibility();
+                    1.0
+                }
+            };
+            if *unwatched < WATCH_INTERVAL {
                 return true;
             }
+            *unwatched = 0.0;
             let progress = Progress {
                 phase: Phase::Iteration,
                 done: forecast.done(),
                 iteration: iterations.len() as u32,
                 residual,
                 elements: hierarchy.elements.len(),
-                // Counting links would cost more than the work between two calls.
                 links: forecast.links,
             };
             observer.observe(&progress) == Flow::Continue
@@ -314,6 +340,10 @@ impl<'a, P: Probe + Default> Solver<'a, P> {
             return Flow::Stop;
         }
         let arriving = self.gather(id, arriving);
+        let work = (1 + self.hierarchy.links.of(id).len()) as f64 * GATHER_WORK;
+        if self.watch(work, observer, Phase::Iteration, self.forecast.shown.get()) == Flow::Stop {
+            return Flow::Stop;
+        }
         if self.hierarchy.elements.is_leaf(id) {
             self.settle_leaf(id, arriving);
         } else {
@@ -398,6 +428,16 @@ impl<'a, P: Probe + Default> Solver<'a, P> {
         own + GATHER_WORK
     }
 
+    /// So much work has been done: asks the observer where it is time to.
+    fn watch(&mut self, work: f64, observer: &mut dyn Observer, phase: Phase, done: f64) -> Flow {
+        self.unwatched += work;
+        if self.unwatched < WATCH_INTERVAL {
+            return Flow::Continue;
+        }
+        self.unwatched = 0.0;
+        self.report(observer, phase, done)
+    }
+
     fn report(&self, observer: &mut dyn Observer, phase: Phase, done: f64) -> Flow {
         let residual = self.iterations.last().map_or(f64::INFINITY, |iteration| iteration.residual);
         observer.observe(&Progress {
@@ -406,7 +446,8 @@ impl<'a, P: Probe + Default> Solver<'a, P> {
             iteration: self.iterations.len() as u32,
             residual,
             elements: self.hierarchy.elements.len(),
-            links: self.hierarchy.links.len(),
+            // Counting them would cost more than the work between two calls.
+            links: if phase == Phase::Iteration { self.forecast.links } else { self.hierarchy.links.len() },
         })
     }
 

@@ -4,7 +4,7 @@
 
 use isolux_core::kernels::Patch;
 use isolux_core::scene::{Corners, Object, Plane, Polygon, Scene, Side};
-use isolux_core::units::Rgb;
+use isolux_core::units::{Rgb, Unit};
 use isolux_core::{DVec2, DVec3};
 
 pub fn v(x: f64, y: f64, z: f64) -> DVec3 {
@@ -49,6 +49,7 @@ pub fn scene(polygons: Vec<Polygon>) -> Scene {
         face_polygon: vec![],
         issues: vec![],
         diameter: (upper - lower).length(),
+        unit: Unit::default(),
         hash: [0; 32],
         name: "test".into(),
     }

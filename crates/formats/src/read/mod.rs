@@ -16,6 +16,7 @@ pub use error::ReadError;
 
 use error::{brief, clean, display};
 use isolux_core::scene::{Issue, IssueKind, SceneInput, Severity};
+use isolux_core::units::Unit;
 use std::path::Path;
 
 /// How a file is read.
@@ -23,13 +24,15 @@ use std::path::Path;
 pub struct ReadOptions {
     /// Metres per length unit of the file; `None`: 1, which glTF prescribes and OBJ leaves open (an issue says so).
     pub metres_per_unit: Option<f64>,
-    /// Factor on every emission: 1 where the file's values are cd/m².
+    /// Factor on every emission: 1 where the file's values are radiances, cd/m² or W/(m² sr).
     pub emission_scale: f64,
+    /// What the file counts power in; both formats mean lumens, where they mean anything.
+    pub unit: Unit,
 }
 
 impl Default for ReadOptions {
     fn default() -> ReadOptions {
-        ReadOptions { metres_per_unit: None, emission_scale: 1.0 }
+        ReadOptions { metres_per_unit: None, emission_scale: 1.0, unit: Unit::default() }
     }
 }
 
@@ -54,6 +57,7 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<SceneInput, ReadError>
         }
         None => return Err(ReadError::UnknownFormat { file: display(path), found: "no extension".to_owned() }),
     };
+    scene.unit = options.unit;
     scene.name = path.file_stem().map_or_else(|| "scene".to_owned(), |stem| clean(&stem.to_string_lossy()));
     Ok(scene)
 }

@@ -8,6 +8,7 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Names tried before giving up: more than one collision needs leftovers of a process with the same number.
 const ATTEMPTS: u32 = 100;
@@ -23,15 +24,16 @@ static NEXT: AtomicU64 = AtomicU64::new(0);
 /// # Errors
 /// [`WriteError::File`] naming `path`; what was under that name is then as before.
 pub fn write_aside(path: impl AsRef<Path>, bytes: &[u8]) -> Result<(), WriteError> {
-    write_aside_with(path, |file| file.write_all(bytes))
+    write_aside_with(path, &Recall::default(), |file| file.write_all(bytes))
 }
 
-/// [`write_aside`] for contents that `fill` streams out.
+/// [`write_aside`] for contents that `fill` streams out; another thread may recall it.
 ///
 /// # Errors
-/// As [`write_aside`], and where `fill` fails.
+/// As [`write_aside`], where `fill` fails, and where the write was recalled.
 pub fn write_aside_with(
     path: impl AsRef<Path>,
+    recall: &Recall,
     fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,
 ) -> Result<(), WriteError> {
     let asked = path.as_ref();
@@ -60,7 +62,8 @@ pub fn write_aside_with(
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),
     };
-    let (mut file, temporary) = Temporary::create(folder).map_err(failed("create a temporary file beside it"))?;
+    let (mut file, temporary) =
+        Temporary::create(folder, recall).map_err(failed("create a temporary file beside it"))?;
     fill(&mut file).map_err(failed("write"))?;
     file.flush().and_then(|()| file.sync_all()).map_err(failed("flush to disk"))?;
     if let Some(existing) = existing {
@@ -73,19 +76,61 @@ pub fn write_aside_with(
     Ok(())
 }
 
+/// Takes back a write that is under way on another thread. Its clones are one.
+#[derive(Clone, Debug, Default)]
+pub struct Recall(Arc<Mutex<Pending>>);
+
+#[derive(Debug, Default)]
+struct Pending {
+    is_recalled: bool,
+    temporary: Option<PathBuf>,
+}
+
+impl Recall {
+    /// From now on nothing appears under the asked name, and the temporary file is gone; unless the whole file is in
+    /// place already.
+    pub fn recall(&self) {
+        let mut pending = self.lock();
+        pending.is_recalled = true;
+        pending.remove();
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Pending> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Pending {
+    fn remove(&mut self) {
+        if let Some(path) = self.temporary.take() {
+            // The failure that led here is reported; a second one while cleaning up has nobody to go to.
+            let _ = fs::remove_file(path);
+        }
+    }
+
+    fn unless_recalled(&self) -> io::Result<()> {
+        if self.is_recalled { Err(io::Error::new(io::ErrorKind::Interrupted, "recalled")) } else { Ok(()) }
+    }
+}
+
 /// A temporary file that is removed when dropped, unless it was renamed.
 struct Temporary {
-    path: Option<PathBuf>,
+    recall: Recall,
 }
 
 impl Temporary {
-    fn create(folder: &Path) -> io::Result<(File, Temporary)> {
+    fn create(folder: &Path, recall: &Recall) -> io::Result<(File, Temporary)> {
+        let mut pending = recall.lock();
+        pending.unless_recalled()?;
         let mut last = io::Error::from(io::ErrorKind::AlreadyExists);
         for _ in 0..ATTEMPTS {
             let number = NEXT.fetch_add(1, Ordering::Relaxed);
             let path = folder.join(format!(".isolux-{}-{number}.tmp", std::process::id()));
             match OpenOptions::new().write(true).create_new(true).open(&path) {
-                Ok(file) => return Ok((file, Temporary { path: Some(path) })),
+                Ok(file) => {
+                    pending.temporary = Some(path);
+                    return Ok((file, Temporary { recall: recall.clone() }));
+                }
                 Err(error) if error.kind() == io::ErrorKind::AlreadyExists => last = error,
                 Err(error) => return Err(error),
             }
@@ -93,20 +138,60 @@ impl Temporary {
         Err(last)
     }
 
-    fn rename(mut self, target: &Path) -> io::Result<()> {
-        if let Some(path) = &self.path {
+    fn rename(self, target: &Path) -> io::Result<()> {
+        let mut pending = self.recall.lock();
+        pending.unless_recalled()?;
+        if let Some(path) = &pending.temporary {
             fs::rename(path, target)?;
         }
-        self.path = None;
+        pending.temporary = None;
         Ok(())
     }
 }
 
 impl Drop for Temporary {
     fn drop(&mut self) {
-        if let Some(path) = &self.path {
-            // The failure that led here is reported; a second one while cleaning up has nobody to go to.
-            let _ = fs::remove_file(path);
-        }
+        self.recall.lock().remove();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "tests")]
+
+    use super::*;
+
+    fn names(folder: &Path) -> Vec<String> {
+        let names = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
+        names.collect()
+    }
+
+    /// Catches a recalled write that still appears, that leaves its temporary file behind or harms the old file, at each
+    /// moment that it may be recalled in; and one that takes back what is in place.
+    #[test]
+    fn a_recalled_write_leaves_no_trace() {
+        let folder = std::env::temp_dir().join(format!("isolux-recall-{}", std::process::id()));
+        fs::create_dir(&folder).unwrap();
+        let path = folder.join("room");
+        write_aside(&path, b"old").unwrap();
+        let before = Recall::default();
+        before.recall();
+        let error = write_aside_with(&path, &before, |file| file.write_all(b"new")).unwrap_err();
+        assert!(error.to_string().contains("recalled"), "{error}");
+        let during = Recall::default();
+        let fill = |file: &mut dyn Write| {
+            file.write_all(b"ne")?;
+            assert_eq!(names(&folder).len(), 2);
+            during.recall();
+            assert_eq!(names(&folder), ["room"]);
+            file.write_all(b"w")
+        };
+        write_aside_with(&path, &during, fill).unwrap_err();
+        assert_eq!((names(&folder), fs::read(&path).unwrap()), (vec!["room".to_owned()], b"old".to_vec()));
+        let after = Recall::default();
+        write_aside_with(&path, &after, |file| file.write_all(b"new")).unwrap();
+        after.recall();
+        assert_eq!((names(&folder), fs::read(&path).unwrap()), (vec!["room".to_owned()], b"new".to_vec()));
+        fs::remove_dir_all(&folder).unwrap();
     }
 }

@@ -13,12 +13,13 @@ mod surfaces;
 mod tone;
 mod vtu;
 
-pub use aside::{write_aside, write_aside_with};
+pub use aside::{Recall, write_aside, write_aside_with};
 pub use error::WriteError;
 pub use glb::{GlbOptions, glb};
 pub use image::{Picture, PngOptions, exr, png};
+pub use isolux_core::units::Unit;
 pub use ply::ply;
-pub use provenance::{Provenance, Unit};
+pub use provenance::Provenance;
 pub use tone::{MIDDLE_GREY, ToneMap, auto_exposure, luminance, srgb_encode, srgb8};
 pub use vtu::vtu;
 

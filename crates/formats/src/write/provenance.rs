@@ -2,37 +2,7 @@
 //! store the same list of entries.
 
 use isolux_core::scene::Scene;
-use std::fmt::Write as _;
-
-/// What the numbers of a solution mean.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Unit {
-    /// Light: lm/m² on surfaces, cd/m² towards the eye.
-    #[default]
-    Photometric,
-    /// Radiant power: W/m² on surfaces, W/(m² sr) towards the eye.
-    Radiometric,
-}
-
-impl Unit {
-    /// Unit of irradiance and radiosity, in ASCII.
-    #[must_use]
-    pub fn per_area(self) -> &'static str {
-        match self {
-            Unit::Photometric => "lm/m2",
-            Unit::Radiometric => "W/m2",
-        }
-    }
-
-    /// Unit of radiance (what pictures hold), in ASCII.
-    #[must_use]
-    pub fn radiance(self) -> &'static str {
-        match self {
-            Unit::Photometric => "cd/m2",
-            Unit::Radiometric => "W/(m2 sr)",
-        }
-    }
-}
+use isolux_core::units::Unit;
 
 /// Where a result comes from. All of it lands in every file.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -56,19 +26,15 @@ pub struct Provenance {
 }
 
 impl Provenance {
-    /// A provenance of this version and that scene; settings `{}`, no schedule or machine yet.
+    /// A provenance of this version and that scene, its unit included; settings `{}`, no schedule or machine yet.
     #[must_use]
     pub fn of(scene: &Scene) -> Provenance {
-        let mut scene_hash = String::with_capacity(2 * scene.hash.len());
-        for byte in scene.hash {
-            // Writing to a string cannot fail.
-            let _ = write!(scene_hash, "{byte:02x}");
-        }
         Provenance {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             scene: scene.name.clone(),
-            scene_hash,
+            scene_hash: scene.hash_text(),
             settings: "{}".to_owned(),
+            unit: scene.unit,
             ..Provenance::default()
         }
     }

@@ -27,7 +27,7 @@ pub use cut::{Cut, Pieces, cut};
 pub use order::InsertionOrder;
 pub use ray::Hit;
 
-use crate::kernels::{NoProbe, Probe};
+use crate::kernels::{Counts, NoProbe, Probe};
 use crate::scene::{Corners, Plane, Scene};
 pub(crate) use beam::{Beam, Packet, Verdict};
 use glam::DVec3;
@@ -110,6 +110,21 @@ impl Bsp {
             bsp.insert(polygon, &scene.polygons[polygon as usize].corners);
         }
         bsp
+    }
+
+    /// As [`Bsp::build`]; `go_on` hears after each polygon how many nodes it came by and which share of the polygons is
+    /// inserted. `None` when it says no.
+    pub fn build_while(scene: &Scene, order: InsertionOrder, go_on: &mut dyn FnMut(u64, f64) -> bool) -> Option<Bsp> {
+        let mut bsp = Bsp::new(scene);
+        let sequence = order.sequence(scene);
+        for (count, &polygon) in sequence.iter().enumerate() {
+            let mut visits = Counts::default();
+            bsp.insert_counted(polygon, &scene.polygons[polygon as usize].corners, &mut visits);
+            if !go_on(visits.node_visits, (count + 1) as f64 / sequence.len() as f64) {
+                return None;
+            }
+        }
+        Some(bsp)
     }
 
     /// Inserts a front polygon (`corners` may be a part of it) and returns the indices of its new fragments.

@@ -1,0 +1,43 @@
+//! Work that nothing observes and of which nothing is kept when it is stopped: it runs on a thread of its own, while the
+//! caller's thread hears Ctrl-C.
+
+use crate::error::internal;
+use crate::panics::guarded;
+use pyo3::prelude::*;
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::time::Duration;
+
+/// Between two looks at the signals.
+const INTERVAL: Duration = Duration::from_millis(20);
+
+/// Stack of the thread: what a main thread has by custom.
+const STACK_BYTES: usize = 8 << 20;
+
+/// Runs `work` without the interpreter's lock; a panic comes back as an `InternalError`. When a signal handler raises
+/// (looked for every 20 ms), that comes back at once; the thread then works on for nobody and its result is dropped.
+pub(crate) fn interruptible<T: Send + 'static>(
+    py: Python<'_>,
+    work: impl FnOnce() -> T + Send + 'static,
+) -> PyResult<T> {
+    let (sender, receiver) = channel();
+    let job = move || {
+        let result = crate::panics::caught(work);
+        // Nobody may be there any more to take it.
+        let _ = sender.send(result);
+    };
+    std::thread::Builder::new()
+        .stack_size(STACK_BYTES)
+        .spawn(job)
+        .map_err(|error| internal(format!("no thread: {error}")))?;
+    // Only the receiver's own thread ever sees it, but it has to be lent to a closure that might be sent.
+    let receiver = std::sync::Mutex::new(receiver);
+    loop {
+        let waited =
+            guarded(py, || receiver.lock().unwrap_or_else(std::sync::PoisonError::into_inner).recv_timeout(INTERVAL))?;
+        match waited {
+            Ok(result) => return result.map_err(internal),
+            Err(RecvTimeoutError::Timeout) => py.check_signals()?,
+            Err(RecvTimeoutError::Disconnected) => return Err(internal("a thread was lost".into())),
+        }
+    }
+}
