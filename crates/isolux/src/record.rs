@@ -89,6 +89,9 @@ struct Attributes {
     name: String,
     scene_hash: String,
     fronts: usize,
+    /// Absent in files of 0.1.
+    #[serde(default)]
+    joined: usize,
     diameter: f64,
     objects: Vec<String>,
     materials: Vec<Material>,
@@ -108,7 +111,15 @@ struct ImageHeader {
 struct MaskHeader {
     width: u32,
     height: u32,
+    /// Absent in files of 0.1.
+    #[serde(default = "usual_cutoff")]
+    cutoff: f64,
     wrap: [Wrap; 2],
+}
+
+/// What glTF takes where a file is silent.
+fn usual_cutoff() -> f64 {
+    0.5
 }
 
 /// Corners of a patch padded to four, and their number.
@@ -152,6 +163,7 @@ pub(crate) fn write(solution: &Solution) -> Record {
         name: scene.name.clone(),
         scene_hash: hex(&scene.hash),
         fronts: scene.fronts,
+        joined: scene.joined,
         diameter: scene.diameter,
         objects: scene.objects.iter().map(|object| object.name.clone()).collect(),
         materials: scene.materials.clone(),
@@ -164,7 +176,7 @@ pub(crate) fn write(solution: &Solution) -> Record {
         masks: scene
             .masks
             .iter()
-            .map(|mask| MaskHeader { width: mask.width, height: mask.height, wrap: mask.wrap })
+            .map(|mask| MaskHeader { width: mask.width, height: mask.height, cutoff: mask.cutoff, wrap: mask.wrap })
             .collect(),
         report: solution.report.clone(),
     };
@@ -328,8 +340,20 @@ pub(crate) fn read(record: Record) -> Result<Solution, RecordError> {
 }
 
 fn read_scene(attributes: Attributes, shelf: &mut Shelf) -> Result<(Scene, Vec<bool>), RecordError> {
-    let Attributes { name, scene_hash, fronts, diameter, objects, materials, cameras, images, masks, report, .. } =
-        attributes;
+    let Attributes {
+        name,
+        scene_hash,
+        fronts,
+        joined,
+        diameter,
+        objects,
+        materials,
+        cameras,
+        images,
+        masks,
+        report,
+        ..
+    } = attributes;
     if !(diameter.is_finite() && diameter > 0.0) {
         return Err(inconsistent("attributes/diameter", format!("{diameter} is not a positive length")));
     }
@@ -369,13 +393,13 @@ fn read_scene(attributes: Attributes, shelf: &mut Shelf) -> Result<(Scene, Vec<b
     let masks = masks
         .into_iter()
         .enumerate()
-        .map(|(index, MaskHeader { width, height, wrap })| {
+        .map(|(index, MaskHeader { width, height, cutoff, wrap })| {
             let name = format!("scene/mask_{index}");
             let solid: Vec<bool> = shelf.u8(&name, &[])?.into_iter().map(|solid| solid != 0).collect();
             if (width as usize).checked_mul(height as usize) != Some(solid.len()) || solid.is_empty() {
                 return Err(inconsistent(&name, format!("{} texels, expected {width} x {height}", solid.len())));
             }
-            Ok(AlphaMask { width, height, solid, wrap })
+            Ok(AlphaMask { width, height, solid, cutoff, wrap })
         })
         .collect::<Result<Vec<_>, RecordError>>()?;
     let mut polygons: Vec<Polygon> = Vec::with_capacity(count);
@@ -416,6 +440,7 @@ fn read_scene(attributes: Attributes, shelf: &mut Shelf) -> Result<(Scene, Vec<b
     let mut scene = Scene {
         polygons,
         fronts,
+        joined,
         objects: objects.into_iter().map(|name| Object { name }).collect(),
         materials,
         images,

@@ -13,6 +13,7 @@ from isolux.cli.options import JsonTarget, Units, load_scene, write_json
 from isolux.cli.terminal import show
 
 if TYPE_CHECKING:
+    from isolux.report import Issue
     from isolux.scene import Scene
 
 __all__ = ["inspect"]
@@ -25,6 +26,9 @@ def inspect(
 ) -> int:
     """Show what is in a scene: extents, polygons, lights in lumens, cameras, materials, and every finding.
 
+    Findings are what the file leaves open or gets wrong, and faults of its geometry: flipped faces, corners
+    inside neighbours' edges, polygons that overlap in one plane. Each names its object.
+
     For example:
         isolux inspect room.glb
 
@@ -34,7 +38,8 @@ def inspect(
     """
     loaded = load_scene(scene, units)
     loaded.check()
-    if write_json(json, _values(loaded, scene)):
+    findings = sorted(loaded.issues + loaded.audit(), key=lambda issue: issue.severity != "warning")
+    if write_json(json, _values(loaded, scene, findings)):
         return 0
     show(
         tables.scene(loaded, str(scene)),
@@ -43,12 +48,12 @@ def inspect(
         "",
         tables.materials(loaded.materials),
         "",
-        tables.issues(loaded.issues) if loaded.issues else "no findings",
+        tables.issues(findings) if findings else "no findings",
     )
     return 0
 
 
-def _values(scene: Scene, source: Path) -> dict[str, Any]:
+def _values(scene: Scene, source: Path, findings: list[Issue]) -> dict[str, Any]:
     """Everything, for programs."""
     return {
         "file": str(source),
@@ -64,5 +69,5 @@ def _values(scene: Scene, source: Path) -> dict[str, Any]:
         "lights": [{**dataclasses.asdict(light), "total": light.total} for light in scene.lights],
         "emitted_power": scene.emitted_power,
         "cameras": scene.cameras,
-        "issues": [dataclasses.asdict(issue) for issue in scene.issues],
+        "issues": [dataclasses.asdict(issue) for issue in findings],
     }
