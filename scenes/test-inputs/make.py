@@ -2,8 +2,8 @@
 
 expected.json holds one record per input: `kind` is "error" (exit code 3), "warning" (read, with a warning),
 "note" (read, with a note and no warning) or "ok" (read, without a warning); `names` are words that the
-message must contain; `expect` are facts of the scene that was read, among them
-`findings`: objects by kind of what `isolux inspect` warns of beyond reading (of others: nothing). Every input that is not about light
+message must contain; `expect` are facts of the scene that was read, among them `findings`: objects by kind
+of what `isolux inspect` warns of beyond reading (without it: nothing). Every input that is not about light
 holds a "lamp": 1 m2 facing down at y = 1 m that emits 1 lm/m2 in each channel; most hold a "panel": 1 m2
 facing up at y = 0.
 """
@@ -587,8 +587,8 @@ def flawed_room() -> None:
         "flawed-room.glb",
         document.glb(),
         "ok",
-        "The east wall faces out, a corner between two tiles of the floor lies inside an edge of the third, the "
-        "rug lies in the plane of the floor.",
+        "The east wall faces out, a corner between two tiles of the floor lies inside an edge of the third, "
+        "the rug lies in the plane of the floor.",
         polygons=10,
         findings={"flipped-face": ["east wall"], "t-joint": ["floor"], "coplanar-overlap": ["rug"]},
     )

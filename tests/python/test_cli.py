@@ -118,7 +118,7 @@ def test_inspect_tells_what_is_there(isolux_command, scene_file):
 
 
 def test_faults_of_geometry_are_told_by_object(isolux_command, tmp_path):
-    """Catches a fault that inspect or solve keeps to itself, in words or as JSON, or tells without its object."""
+    """Catches a fault that inspect or solve keeps to itself, in words or as JSON, or without its object."""
     inputs = Path(__file__).parents[2] / "scenes" / "test-inputs"
     records = json.loads((inputs / "expected.json").read_text(encoding="utf-8"))
     (record,) = (record for record in records if record["file"] == "flawed-room.glb")
