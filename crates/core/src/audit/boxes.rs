@@ -107,7 +107,18 @@ impl Boxes {
 
     /// Calls `found` for every box that `concerns` says yes to, as long as it says to continue. `concerns` must say yes
     /// to every box around one that it says yes to.
-    pub(super) fn search(&self, concerns: impl Fn(&Box3) -> bool, mut found: impl FnMut(u32) -> ControlFlow<()>) {
+    pub(super) fn search(&self, concerns: impl Fn(&Box3) -> bool, found: impl FnMut(u32) -> ControlFlow<()>) {
+        self.search_along(DVec3::ZERO, concerns, found);
+    }
+
+    /// As [`Boxes::search`], roughly in the order in which a direction comes by: for questions that what is found makes
+    /// narrower.
+    pub(super) fn search_along(
+        &self,
+        direction: DVec3,
+        concerns: impl Fn(&Box3) -> bool,
+        mut found: impl FnMut(u32) -> ControlFlow<()>,
+    ) {
         let mut open = if self.nodes.is_empty() { vec![] } else { vec![0] };
         while let Some(index) = open.pop() {
             let (around, below) = &self.nodes[index];
@@ -115,7 +126,11 @@ impl Boxes {
                 continue;
             }
             match *below {
-                Below::Nodes(second) => open.extend([second, index + 1]),
+                Below::Nodes(second) => {
+                    let place = |node: usize| direction.dot(self.nodes[node].0.low + self.nodes[node].0.high);
+                    let is_behind = place(second) < place(index + 1);
+                    open.extend(if is_behind { [index + 1, second] } else { [second, index + 1] });
+                }
                 Below::Items(start, end) => {
                     for &item in &self.order[start..end] {
                         if concerns(&self.items[item as usize]) && found(item).is_break() {

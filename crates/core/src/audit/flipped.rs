@@ -68,7 +68,8 @@ impl<'a> Flipped<'a> {
             return lit(&back) >= MOST && RAYS - lit(&front) >= MOST;
         }
         let find = |plane, ray: &u32| self.finds_light(index, polygon, plane, *ray);
-        !(0..RAYS).any(|ray| find(&front, &ray)) && (0..RAYS).filter(|ray| find(&back, ray)).count() as u32 >= LIT
+        !(0..RAYS).any(|ray| find(&front, &ray))
+            && (0..RAYS).filter(|ray| find(&back, ray)).take(LIT as usize).count() as u32 == LIT
     }
 
     /// The pseudo-random numbers of a ray, and where it starts: named by the polygon, so that no other one matters.

@@ -76,7 +76,8 @@ impl<'a> Rays<'a> {
     fn closest(&self, origin: DVec3, direction: DVec3, reach: f64) -> Option<(f64, u32)> {
         let best: Cell<Option<(f64, u32)>> = Cell::new(None);
         let end = || origin + direction * best.get().map_or(reach, |(distance, _)| distance);
-        self.boxes.search(
+        self.boxes.search_along(
+            direction,
             |around| around.meets_segment(origin, end()),
             |front| {
                 let polygon = &self.scene.polygons[front as usize];
