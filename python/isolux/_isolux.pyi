@@ -22,6 +22,7 @@ __all__ = [
 
 _Bands: TypeAlias = tuple[float, float, float]
 _MaterialTuple: TypeAlias = tuple[str, _Bands, _Bands, bool, float]
+_IssueTuple: TypeAlias = tuple[Literal["note", "warning"], str, str, str]
 _Arrays: TypeAlias = dict[str, NDArray[Any]]
 
 __version__: str
@@ -85,7 +86,8 @@ class Scene:
     @property
     def cameras(self) -> list[str]: ...
     @property
-    def issues(self) -> list[tuple[Literal["note", "warning"], str, str, str]]: ...
+    def issues(self) -> list[_IssueTuple]: ...
+    def audit(self) -> list[_IssueTuple]: ...
     @property
     def lights(self) -> list[tuple[str, str, int, float, _Bands]]: ...
     @property

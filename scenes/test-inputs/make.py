@@ -2,7 +2,8 @@
 
 expected.json holds one record per input: `kind` is "error" (exit code 3), "warning" (read, with a warning),
 "note" (read, with a note and no warning) or "ok" (read, without a warning); `names` are words that the
-message must contain; `expect` are facts of the scene that was read. Every input that is not about light
+message must contain; `expect` are facts of the scene that was read, among them `findings`: objects by kind
+of what `isolux inspect` warns of beyond reading (without it: nothing). Every input that is not about light
 holds a "lamp": 1 m2 facing down at y = 1 m that emits 1 lm/m2 in each channel; most hold a "panel": 1 m2
 facing up at y = 0.
 """
@@ -478,6 +479,7 @@ def surfaces() -> None:
             ),
             polygons=3,
             double_sided_polygons=int(double),
+            **({} if double else {"findings": {"flipped-face": ["panel"]}}),
         )
 
 
@@ -562,6 +564,36 @@ def geometry() -> None:
     )
 
 
+def flawed_room() -> None:
+    """A closed room, read without complaint, with one fault of each kind that the audit looks for."""
+    document = Document()
+    grey = document.material("grey")
+
+    def up(x0: float, z0: float, x1: float, z1: float, y: float = 0.0) -> list[Vec]:
+        return [(x0, y, z0), (x0, y, z1), (x1, y, z1), (x1, y, z0)]
+
+    tiles = [up(-1, -1, 2, 0.5), up(-1, 0.5, 0.5, 2), up(0.5, 0.5, 2, 2)]
+    indices = [4 * tile + corner for tile in range(3) for corner in TWO_TRIANGLES]
+    document.panel("floor", grey, [corner for tile in tiles for corner in tile], indices)
+    document.panel("ceiling", grey, up(-1, -1, 2, 2, 2.0)[::-1])
+    across = [(0.0, 0.0, 2.0), (0.0, 0.0, -1.0), (0.0, 2.0, -1.0), (0.0, 2.0, 2.0)]
+    document.panel("west wall", grey, [(-1.0, y, z) for _, y, z in across])
+    document.panel("east wall", grey, [(2.0, y, z) for _, y, z in across])
+    along = [(-1.0, 0.0, 0.0), (2.0, 0.0, 0.0), (2.0, 2.0, 0.0), (-1.0, 2.0, 0.0)]
+    document.panel("north wall", grey, [(x, y, -1.0) for x, y, _ in along])
+    document.panel("south wall", grey, [(x, y, 2.0) for x, y, _ in along][::-1])
+    document.panel("rug", grey, up(-0.5, -0.75, 0.5, 0))
+    case(
+        "flawed-room.glb",
+        document.glb(),
+        "ok",
+        "The east wall faces out, a corner between two tiles of the floor lies inside an edge of the third, "
+        "the rug lies in the plane of the floor.",
+        polygons=10,
+        findings={"flipped-face": ["east wall"], "t-joint": ["floor"], "coplanar-overlap": ["rug"]},
+    )
+
+
 def wavefront() -> None:
     """OBJ inputs."""
     material = "newmtl grey\nKd 0.5 0.5 0.5\n\nnewmtl lamp\nKd 0.2 0.2 0.2\nKe 10 8 6\n"
@@ -618,6 +650,7 @@ def main() -> None:
     broken_contents()
     surfaces()
     geometry()
+    flawed_room()
     wavefront()
     (HERE / "expected.json").write_text(json.dumps(records, indent=1) + "\n", encoding="utf-8")
 

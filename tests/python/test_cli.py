@@ -109,12 +109,31 @@ def test_inspect_tells_what_is_there(isolux_command, scene_file):
     assert values["polygons"]["fronts"] == 6
     assert values["issues"] == [
         {"severity": i.severity, "kind": i.kind, "object": i.object, "message": i.message}
-        for i in scene.issues
+        for i in scene.issues + scene.audit()
     ]
     for word in ("ceiling", "lamp", scene.hash, f"{scene.lights[0].total:.6g}"):
         assert word in done.stdout
     for issue in scene.issues:
         assert issue.message[:40] in done.stdout
+
+
+def test_faults_of_geometry_are_told_by_object(isolux_command, tmp_path):
+    """Catches a fault that inspect or solve keeps to itself, in words or as JSON, or without its object."""
+    inputs = Path(__file__).parents[2] / "scenes" / "test-inputs"
+    records = json.loads((inputs / "expected.json").read_text(encoding="utf-8"))
+    (record,) = (record for record in records if record["file"] == "flawed-room.glb")
+    expected = sorted((kind, name) for kind, names in record["expect"]["findings"].items() for name in names)
+    assert len(expected) == 3
+    file = inputs / record["file"]
+    issues = json.loads(isolux_command("inspect", file, "--json", "-").stdout)["issues"]
+    assert sorted((i["kind"], i["object"]) for i in issues if i["severity"] == "warning") == expected
+    told = isolux_command("inspect", file, COLUMNS="400").stdout
+    for kind, name in expected:
+        assert re.search(rf"warning +{kind} +{name} ", told), (kind, name)
+    solved = isolux_command("solve", file, "-o", tmp_path / "room.isolux", "--error", "0.5")
+    assert solved.returncode == 0
+    for _, name in expected:
+        assert f"warning: {name}: 1 " in solved.stderr
 
 
 def test_units_reach_the_scene(isolux_command, scene_file):

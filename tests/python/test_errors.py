@@ -13,7 +13,10 @@ ROOT = Path(__file__).parents[2]
 
 EXPECTED = {
     "SettingsError": ("SettingsError", "setting 'error' is -1: expected a number above 0"),
-    "SceneError::Empty": ("SceneError", "the scene has no surfaces (2 faces without area were dropped)"),
+    "SceneError::Empty": (
+        "SceneError",
+        "the scene has no surfaces (2 faces without area and 1 without opacity or emission were dropped)",
+    ),
     "SceneError::NotFinite": (
         "SceneError",
         "object 'lamp': face 3 has a coordinate that is not a finite number",
@@ -29,7 +32,10 @@ EXPECTED = {
     "SceneError::TooLarge": ("SceneError", "20 polygons are more than the 10 that element paths can name"),
     "SceneViolation": ("InternalError", "polygon 7: violated: unit normal"),
     "SolveError::Settings": ("SettingsError", "setting 'error' is -1: expected a number above 0"),
-    "SolveError::Scene": ("SceneError", "the scene has no surfaces (0 faces without area were dropped)"),
+    "SolveError::Scene": (
+        "SceneError",
+        "the scene has no surfaces (0 faces without area and 0 without opacity or emission were dropped)",
+    ),
     "SolveError::NoLight": ("NoLightError", "scene 'cave' has no light: no surface emits"),
     "SolveError::Internal": ("InternalError", "link 3 has no receiver"),
     "RecordError::Missing": ("SolutionFileError", "'links/source' is missing"),

@@ -41,7 +41,7 @@ def test_mixed_faces_and_units():
     vertices = [[0, 0, 0], [100, 0, 0], [100, 0, -100], [0, 0, -100], [0, 50, 0]]
     scene = isolux.Scene.from_arrays(vertices, [[0, 1, 2, 3], [0, 1, 4, -1]], metres_per_unit=0.01)
     assert scene.triangles.shape == (3, 3, 3)
-    assert dataclasses.astuple(scene.polygons) == (2, 0, 1, 1, 0)
+    assert dataclasses.astuple(scene.polygons) == (2, 0, 1, 1, 0, 0)
     assert scene.area == pytest.approx(1.25)
     np.testing.assert_allclose(scene.bounds, [[0, 0, -1], [1, 0.5, 0]])
 
@@ -78,6 +78,35 @@ def test_hash_follows_geometry_and_materials():
     assert len(hashes) == 5
     assert box().hash == box().hash
     assert all(len(value) == 64 for value in hashes)
+
+
+def test_joined_triangles_are_told_apart():
+    """Catches quadrilaterals of the caller counted as joined, and the other way round."""
+    pair = [[0, 1, 2, -1], [0, 2, 3, -1]]
+    square = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+    for faces, joined in ((pair, 1), ([[0, 1, 2, 3]], 0)):
+        polygons = isolux.Scene.from_arrays(square, faces).polygons
+        assert (polygons.quadrilaterals, polygons.joined) == (1, joined)
+
+
+def test_audit_names_the_object_of_every_fault():
+    """Catches findings without their object, left out of `check`, or made up in a sound scene."""
+    assert lamp().audit() == []
+    sides = dict(SIDES)
+    sides["floor"] = sides["floor"][::-1]
+    scene = isolux.Scene.from_arrays(
+        CUBE,
+        list(sides.values()),
+        [isolux.Material("paint"), isolux.Material("lamp", 0.0, 1.0)],
+        list(sides),
+        face_materials=[int(name == "ceiling") for name in sides],
+    )
+    assert scene.issues == []
+    (issue,) = scene.audit()
+    assert (issue.severity, issue.kind, issue.object) == ("warning", "flipped-face", "floor")
+    assert issue.message.startswith("1 of 1 polygons")
+    assert scene.check() == [issue]
+    assert scene.audit() == [issue]
 
 
 def test_check_returns_warnings_only():

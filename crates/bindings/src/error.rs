@@ -143,7 +143,7 @@ pub(crate) fn error_samples(py: Python<'_>) -> PyResult<Bound<'_, PyList>> {
     let settings = || FacadeSettingsError { name: "error", value: "-1".into(), expected: "a number above 0" };
     let samples: Vec<(&str, PyErr)> = vec![
         ("SettingsError", settings().exception()),
-        ("SceneError::Empty", CoreSceneError::Empty { dropped: 2 }.exception()),
+        ("SceneError::Empty", CoreSceneError::Empty { dropped: 2, invisible: 1 }.exception()),
         ("SceneError::NotFinite", CoreSceneError::NotFinite { object: object(), face: 3 }.exception()),
         ("SceneError::CornerCount", CoreSceneError::CornerCount { object: object(), face: 3, corners: 5 }.exception()),
         (
@@ -162,7 +162,7 @@ pub(crate) fn error_samples(py: Python<'_>) -> PyResult<Bound<'_, PyList>> {
         ("SceneError::TooLarge", CoreSceneError::TooLarge { count: 20, limit: 10 }.exception()),
         ("SceneViolation", SceneViolation { polygon: 7, what: "unit normal" }.exception()),
         ("SolveError::Settings", SolveError::Settings(settings()).exception()),
-        ("SolveError::Scene", SolveError::Scene(CoreSceneError::Empty { dropped: 0 }).exception()),
+        ("SolveError::Scene", SolveError::Scene(CoreSceneError::Empty { dropped: 0, invisible: 0 }).exception()),
         ("SolveError::NoLight", SolveError::NoLight { scene: "cave".into() }.exception()),
         ("SolveError::Internal", SolveError::Internal("link 3 has no receiver".into()).exception()),
         ("RecordError::Missing", RecordError::Missing { name: "links/source".into() }.exception()),

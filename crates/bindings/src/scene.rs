@@ -4,7 +4,9 @@ use crate::array::{entries, read_only, rows, same_length};
 use crate::error::{SceneError, internal, to_python};
 use crate::waiting::interruptible;
 use isolux::core::DVec3;
-use isolux::core::scene::{Alpha, BuildOptions, Face, Material, Object, Scene as CoreScene, SceneInput, Surface};
+use isolux::core::scene::{
+    Alpha, BuildOptions, Face, Issue, Material, Object, Scene as CoreScene, SceneInput, Surface,
+};
 use isolux::core::units::{Rgb, Unit};
 use isolux::formats::read::{ReadOptions, read};
 use numpy::PyReadonlyArrayDyn;
@@ -15,18 +17,19 @@ use pyo3::sync::PyOnceLock;
 use pyo3::types::PyDict;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// A validated scene.
 #[pyclass(frozen, module = "isolux._isolux")]
 pub(crate) struct Scene {
     pub(crate) inner: Arc<CoreScene>,
     triangles: PyOnceLock<Py<PyAny>>,
+    audited: OnceLock<Vec<Issue>>,
 }
 
 impl Scene {
     pub(crate) fn new(inner: Arc<CoreScene>) -> Scene {
-        Scene { inner, triangles: PyOnceLock::new() }
+        Scene { inner, triangles: PyOnceLock::new(), audited: OnceLock::new() }
     }
 
     fn build(py: Python<'_>, input: SceneInput) -> PyResult<Scene> {
@@ -37,6 +40,9 @@ impl Scene {
 
 /// Name, reflectance, emission, two-sided, opacity.
 type MaterialTuple = (String, Triple, Triple, bool, f64);
+
+/// Severity, kind, object, message.
+type IssueTuple = (String, String, String, String);
 
 /// Three numbers as Python's tuple: bands or coordinates.
 type Triple = (f64, f64, f64);
@@ -189,17 +195,19 @@ impl Scene {
 
     /// Findings as (severity, kind, object, message), worst first.
     #[getter]
-    fn issues(&self) -> PyResult<Vec<(String, String, String, String)>> {
-        let text = |value: serde_json::Result<serde_json::Value>| match value {
-            Ok(serde_json::Value::String(text)) => Ok(text),
-            other => Err(internal(format!("not a name: {other:?}"))),
-        };
-        let tuple = |issue: &isolux::core::scene::Issue| {
-            let severity = text(serde_json::to_value(issue.severity))?;
-            let kind = text(serde_json::to_value(issue.kind))?;
-            Ok((severity, kind, issue.object.clone(), issue.message.clone()))
-        };
-        self.inner.issues.iter().map(tuple).collect()
+    fn issues(&self) -> PyResult<Vec<IssueTuple>> {
+        tuples(&self.inner.issues)
+    }
+
+    /// Faults of the geometry, looked for on request and once, as `issues`.
+    fn audit(&self, py: Python<'_>) -> PyResult<Vec<IssueTuple>> {
+        if self.audited.get().is_none() {
+            let scene = Arc::clone(&self.inner);
+            let found = interruptible(py, move || isolux::core::audit::audit(&scene))?;
+            // Another thread that was first has found the same.
+            let _ = self.audited.set(found);
+        }
+        tuples(self.audited.get().map_or(&[], Vec::as_slice))
     }
 
     /// Objects that emit, in file order: (object, material, polygons, area in m², emitted power per band).
@@ -251,6 +259,7 @@ impl Scene {
         counts.set_item("two_sided", fronts.iter().filter(|polygon| polygon.twin.is_some()).count())?;
         counts.set_item("triangles", fronts.iter().filter(|polygon| polygon.corners.len() == 3).count())?;
         counts.set_item("quadrilaterals", fronts.iter().filter(|polygon| polygon.corners.len() == 4).count())?;
+        counts.set_item("joined", scene.joined)?;
         let dropped = scene.face_polygon.iter().filter(|&&polygon| polygon == CoreScene::NO_POLYGON).count();
         counts.set_item("dropped_triangles", dropped)?;
         Ok(counts)
@@ -260,6 +269,20 @@ impl Scene {
 /// A unit of power by its name.
 fn unit_of(name: &str) -> PyResult<Unit> {
     Unit::from_power(name).ok_or_else(|| PyValueError::new_err(format!("unit is '{name}': expected 'lm' or 'W'")))
+}
+
+/// Issues as Python gets them: (severity, kind, object, message).
+fn tuples(issues: &[Issue]) -> PyResult<Vec<IssueTuple>> {
+    let text = |value: serde_json::Result<serde_json::Value>| match value {
+        Ok(serde_json::Value::String(text)) => Ok(text),
+        other => Err(internal(format!("not a name: {other:?}"))),
+    };
+    let tuple = |issue: &Issue| {
+        let severity = text(serde_json::to_value(issue.severity))?;
+        let kind = text(serde_json::to_value(issue.kind))?;
+        Ok((severity, kind, issue.object.clone(), issue.message.clone()))
+    };
+    issues.iter().map(tuple).collect()
 }
 
 /// An index into a list, checked.

@@ -5,6 +5,7 @@
 
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::print_stdout, clippy::print_stderr))]
 
+pub mod audit;
 pub mod kernels;
 pub mod links;
 pub mod sampling;

@@ -75,6 +75,7 @@ fn d04_backs_that_see_little_light_are_overlooked_as_often_as_stated() {
     for seed in 0..seeds {
         let parameters = Parameters { seed, ..parameters(1.0, 1.0) };
         let mut solver: Solver<'_, Counts> = Solver::new(&scene, &bsp, parameters);
+        assert_eq!(solver.link_roots(&mut Unobserved), Flow::Continue);
         solver.iterate(&mut Unobserved).unwrap();
         let back = scene.fronts;
         if solver.active()[back] {
@@ -90,6 +91,7 @@ fn d04_backs_that_see_little_light_are_overlooked_as_often_as_stated() {
     assert!((found - expected).abs() < 4.0 * noise, "{found} {expected}");
     let lost = |seed| {
         let mut solver: Solver<'_, Counts> = Solver::new(&scene, &bsp, Parameters { seed, ..parameters(1.0, 1.0) });
+        assert_eq!(solver.link_roots(&mut Unobserved), Flow::Continue);
         solver.iterate(&mut Unobserved).unwrap();
         let active = solver.active().to_vec();
         let hierarchy = solver.hierarchy();

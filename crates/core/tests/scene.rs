@@ -54,7 +54,7 @@ fn every_rotation_of_a_triangle_pair_is_joined() {
             one.rotate_left(turn_one);
             two.rotate_left(turn_two);
             let scene = built(two_triangles(&square(), one, two));
-            assert_eq!(scene.polygons.len(), 1, "{one:?} {two:?}");
+            assert_eq!((scene.polygons.len(), scene.joined), (1, 1), "{one:?} {two:?}");
             let quad = &scene.polygons[0];
             assert_eq!(quad.faces, [0, 1]);
             assert_eq!(scene.face_polygon, [0, 0]);
@@ -81,6 +81,7 @@ fn triangles_pair_in_file_order() {
     let faces: Vec<[u32; 2]> = scene.polygons.iter().map(|polygon| polygon.faces).collect();
     assert_eq!(faces, [[0, Scene::NO_POLYGON], [1, 2], [3, Scene::NO_POLYGON]]);
     assert_eq!(scene.face_polygon, [0, 1, 1, 2]);
+    assert_eq!(scene.joined, 1);
 }
 
 /// Catches joining what would not be a planar convex quadrilateral, or what does not share an edge with the same
@@ -104,7 +105,7 @@ fn what_makes_no_convex_plane_quad_stays_apart() {
     ];
     for (what, input) in cases {
         let scene = built(input);
-        assert_eq!(scene.polygons.len(), 2, "{what}");
+        assert_eq!((scene.polygons.len(), scene.joined), (2, 0), "{what}");
         assert_eq!(scene.face_polygon, [0, 1], "{what}");
     }
 }
@@ -255,10 +256,10 @@ fn thin_strips_are_kept_down_to_the_tolerance() {
 /// Catches a scene of nothing that is let in, or that is refused without the count.
 #[test]
 fn a_scene_without_surfaces_is_an_error() {
-    assert_eq!(build(plain()).unwrap_err(), SceneError::Empty { dropped: 0 });
+    assert_eq!(build(plain()).unwrap_err(), SceneError::Empty { dropped: 0, invisible: 0 });
     let mut input = plain();
     input.face(0, 0, &[v(1.0, 1.0, 1.0); 3]);
-    assert_eq!(build(input).unwrap_err(), SceneError::Empty { dropped: 1 });
+    assert_eq!(build(input).unwrap_err(), SceneError::Empty { dropped: 1, invisible: 0 });
 }
 
 // What is refused
@@ -551,7 +552,7 @@ fn the_hash_tells_scenes_apart_by_what_results_depend_on() {
         with_uv(&mut input, face, &[[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]);
         input.materials[0].alpha = Alpha::Mask(0);
         let solid = vec![true, false, true, true];
-        input.masks.push(AlphaMask { width: 2, height: 2, solid, wrap: [Wrap::Repeat; 2] });
+        input.masks.push(AlphaMask { width: 2, height: 2, solid, cutoff: 0.5, wrap: [Wrap::Repeat; 2] });
         input
     };
     let hash = |change: &dyn Fn(&mut SceneInput)| {
@@ -766,7 +767,7 @@ proptest! {
     fn any_input_makes_a_sound_scene_or_an_error(input in any_input(), join in any::<bool>()) {
         let faces: usize = input.faces.iter().map(|face| face.corners.len() - 2).sum();
         match Scene::build(input, &BuildOptions { join }) {
-            Err(SceneError::Empty { dropped }) => prop_assert!(dropped <= faces),
+            Err(SceneError::Empty { dropped, invisible }) => prop_assert!(dropped + invisible <= faces),
             Err(error) => prop_assert!(false, "{error}"),
             Ok(scene) => {
                 prop_assert_eq!(scene.check().map_err(|violation| violation.to_string()), Ok(()));

@@ -678,7 +678,13 @@ fn masks_and_opacity_let_light_pass() {
     scene.polygons[screen].opacity = 0.5;
     scene.polygons[screen].uv = Some(UNIT_UV);
     // Solid where u < 1/2.
-    scene.masks = vec![AlphaMask { width: 2, height: 1, solid: vec![true, false], wrap: [Wrap::Repeat, Wrap::Repeat] }];
+    scene.masks = vec![AlphaMask {
+        width: 2,
+        height: 1,
+        solid: vec![true, false],
+        cutoff: 0.5,
+        wrap: [Wrap::Repeat, Wrap::Repeat],
+    }];
     for order in ORDERS {
         let bsp = tree(&scene, order);
         let planes = [scene.polygons[floor].plane, scene.polygons[ceiling].plane];

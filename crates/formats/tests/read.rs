@@ -563,6 +563,12 @@ fn masks_are_kept_per_texel() {
     // The factor multiplies alpha before the cut: 200/255 * 0.5 is below 0.5, above 0.35.
     assert!(mask(0.5, 0.5).masks[0].solid.iter().all(|solid| !solid));
     assert_eq!(mask(0.35, 0.5).masks[0].solid.iter().filter(|&&solid| solid).count(), 32);
+    // What is kept for writing is a cut of the texture alone; a factor of 0 leaves nothing of it, a cutoff of 0 all.
+    for (cutoff, factor, expected) in [(0.5, 1.0, 0.5), (0.375, 0.5, 0.75), (0.0, 0.0, 0.0)] {
+        assert_eq!(mask(cutoff, factor).masks[0].cutoff, expected);
+    }
+    let nothing = &mask(0.25, 0.0).masks[0];
+    assert!(nothing.cutoff > 1.0 && nothing.cutoff.is_finite() && !nothing.solid.contains(&true));
 
     // Two materials that cut alike share a mask; one that cuts otherwise has its own.
     let mut twins = textured(
@@ -582,6 +588,7 @@ fn masks_are_kept_per_texel() {
     let scene = twins.scene();
     let alphas: Vec<Alpha> = scene.materials.iter().map(|material| material.alpha).collect();
     assert_eq!(alphas, [Alpha::Mask(0), Alpha::Mask(0), Alpha::Mask(1)]);
+    assert_eq!((scene.masks[0].cutoff, scene.masks[1].cutoff as f32), (0.5, 0.9));
     assert_eq!(scene.masks.len(), 2);
 
     let whole = |alpha: f64| {

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used)]
 
 use glam::DVec3;
+use isolux_core::audit::audit;
 use isolux_core::scene::{BuildOptions, Polygon, Scene, Severity};
 use isolux_core::units::Rgb;
 use isolux_formats::read::{ReadOptions, read};
@@ -113,13 +114,25 @@ fn compare(scene: &Scene, expect: &Map<String, Value>, file: &str) {
                 let sum: DVec3 = scene.polygons.iter().map(|polygon| polygon.corners.area_vector()).sum();
                 assert!(sum.length() < 1e-12, "{file}: the outline of the surfaces is {sum}");
             }
+            "findings" => {}
             _ => panic!("{file}: no comparison for '{key}'"),
         }
     }
 }
 
+/// What the audit warns of: objects by kind.
+fn findings(scene: &Scene) -> Map<String, Value> {
+    let mut findings = Map::new();
+    for issue in audit(scene).into_iter().filter(|issue| issue.severity == Severity::Warning) {
+        let kind = serde_json::to_value(issue.kind).unwrap().as_str().unwrap().to_owned();
+        let objects = findings.entry(kind).or_insert_with(|| Value::Array(Vec::new()));
+        objects.as_array_mut().unwrap().push(Value::String(issue.object));
+    }
+    findings
+}
+
 /// Catches a broken file that is read, a sound one that is refused or warned of, a message that does not name what is
-/// at fault, and numbers that are not those of the file; and inputs that nothing is known of.
+/// at fault, faults of the geometry that are missed or made up, and numbers that are not those of the file; and inputs that nothing is known of.
 #[test]
 fn test_inputs_are_what_expected_json_says() {
     let folder = scenes().join("test-inputs");
@@ -154,6 +167,8 @@ fn test_inputs_are_what_expected_json_says() {
             };
             assert!(names.iter().all(named), "{file}: {names:?} are not in {:#?}", scene.issues);
         }
+        let expected = record["expect"].get("findings").cloned().unwrap_or_else(|| Value::Object(Map::new()));
+        assert_eq!(Value::Object(findings(&scene)), expected, "{file}");
         if let Some(expect) = record["expect"].as_object() {
             compare(&scene, expect, file);
         }
@@ -165,7 +180,7 @@ fn test_inputs_are_what_expected_json_says() {
     }
 }
 
-/// Catches a sound scene that is refused, warned of, or read with other surfaces than it was made of.
+/// Catches a sound scene that is refused, warned of by its reader or by the audit, or read with other surfaces than it was made of.
 #[test]
 fn the_scenes_are_read_whole() {
     let mut count = 0;
@@ -177,6 +192,7 @@ fn the_scenes_are_read_whole() {
         let scene = open(&path).unwrap();
         let warnings: Vec<_> = scene.issues.iter().filter(|issue| issue.severity == Severity::Warning).collect();
         assert!(warnings.is_empty(), "{}: {warnings:#?}", path.display());
+        assert_eq!(findings(&scene), Map::new(), "{}", path.display());
         let known = json(&path.with_extension("json"));
         assert_eq!(scene.fronts as u64, known["polygons"].as_u64().unwrap(), "{}", path.display());
         assert_eq!(scene.triangles.len() as u64, known["triangles"].as_u64().unwrap(), "{}", path.display());

@@ -13,6 +13,7 @@ use isolux_core::scene::{
 use isolux_core::solution::SurfaceMesh;
 use isolux_core::units::Rgb;
 use isolux_core::{DVec2, DVec3};
+use isolux_formats::read::{ReadOptions, read};
 use isolux_formats::write::{
     GlbOptions, MIDDLE_GREY, Picture, PngOptions, Provenance, Recall, ToneMap, Unit, WriteError, auto_exposure, exr,
     glb, luminance, ply, png, srgb_encode, srgb8, vtu, write_aside, write_aside_with,
@@ -135,13 +136,14 @@ fn scene() -> Scene {
     Scene {
         polygons,
         fronts,
+        joined: 0,
         objects: names.map(|name| Object { name: name.to_owned() }).to_vec(),
         materials,
         images: vec![
             Image { name: "grain".into(), mime: "image/png".into(), bytes: small_png(png::ColorType::Rgb, 4) },
             Image { name: "veins".into(), mime: "image/png".into(), bytes: small_png(png::ColorType::Rgba, 6) },
         ],
-        masks: vec![AlphaMask { width: 1, height: 1, solid: vec![true], wrap: [Wrap::Repeat; 2] }],
+        masks: vec![AlphaMask { width: 1, height: 1, solid: vec![true], cutoff: 0.25, wrap: [Wrap::Repeat; 2] }],
         cameras: vec![
             camera("eye", Projection::Perspective { vertical_angle: 1.0 }),
             camera("plan", Projection::Orthographic { height: 4.0 }),
@@ -515,6 +517,33 @@ fn glb_keeps_the_mask_of_emitters() {
         &primitive,
         mesh.vertices_of(polygon).map(|vertex| (mesh.radiosity[vertex] * (EXPOSURE / PI), 1.0)),
     );
+}
+
+/// Catches: a cutoff that viewers would cut elsewhere than the light was computed with (glTF's 0.5 where the scene has
+/// another), on one that has no mask, or lost on the way back in.
+#[test]
+fn glb_keeps_the_cutoff_of_masks() {
+    for cutoff in [0.0, 0.25, 0.5, 0.9] {
+        let mut scene = scene();
+        scene.masks[0].cutoff = cutoff;
+        let bytes = glb(&scene, &mesh(&scene), &options(&scene)).unwrap();
+        let written = Read::of(&bytes);
+        for material in written.document.materials() {
+            let expected = (material.name() == Some("leaf")).then_some(cutoff as f32);
+            assert_eq!(material.alpha_cutoff(), expected, "{:?}", material.name());
+        }
+        let name = format!("cutoff-{cutoff}.glb");
+        keep(&name, &bytes);
+        let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+        let back = read(&path, &ReadOptions::default()).unwrap();
+        let leaf = back.materials.iter().find(|material| material.name == "leaf").unwrap();
+        let Alpha::Mask(mask) = leaf.alpha else { panic!("the leaf has lost its mask") };
+        let mask = &back.masks[mask as usize];
+        assert_eq!(mask.cutoff, f64::from(cutoff as f32));
+        let picture = image::load_from_memory(&scene.images[1].bytes).unwrap().to_rgba8();
+        let solid: Vec<bool> = picture.pixels().map(|pixel| f64::from(pixel.0[3]) / 255.0 >= mask.cutoff).collect();
+        assert_eq!(mask.solid, solid, "{cutoff}");
+    }
 }
 
 /// Catches: alpha from the opacity on top of the texture's own, or none at all where the texture has none.

@@ -89,6 +89,7 @@ struct Attributes {
     scene_hash: String,
     unit: Unit,
     fronts: usize,
+    joined: usize,
     diameter: f64,
     objects: Vec<String>,
     materials: Vec<Material>,
@@ -108,6 +109,7 @@ struct ImageHeader {
 struct MaskHeader {
     width: u32,
     height: u32,
+    cutoff: f64,
     wrap: [Wrap; 2],
 }
 
@@ -152,6 +154,7 @@ pub(crate) fn write(solution: &Solution) -> Record {
         scene_hash: scene.hash_text(),
         unit: scene.unit,
         fronts: scene.fronts,
+        joined: scene.joined,
         diameter: scene.diameter,
         objects: scene.objects.iter().map(|object| object.name.clone()).collect(),
         materials: scene.materials.clone(),
@@ -164,7 +167,7 @@ pub(crate) fn write(solution: &Solution) -> Record {
         masks: scene
             .masks
             .iter()
-            .map(|mask| MaskHeader { width: mask.width, height: mask.height, wrap: mask.wrap })
+            .map(|mask| MaskHeader { width: mask.width, height: mask.height, cutoff: mask.cutoff, wrap: mask.wrap })
             .collect(),
         report: solution.report.clone(),
     };
@@ -358,7 +361,7 @@ pub(crate) fn read(record: Record) -> Result<Solution, RecordError> {
 }
 
 fn read_scene(attributes: Attributes, shelf: &mut Shelf) -> Result<(Scene, Vec<bool>), RecordError> {
-    let Attributes { name, scene_hash, unit, fronts, diameter, objects, materials, .. } = attributes;
+    let Attributes { name, scene_hash, unit, fronts, joined, diameter, objects, materials, .. } = attributes;
     let Attributes { cameras, images, masks, report, .. } = attributes;
     if report.unit != unit {
         return Err(inconsistent("attributes/unit", format!("{}, but the report has another", unit.power())));
@@ -405,13 +408,13 @@ fn read_scene(attributes: Attributes, shelf: &mut Shelf) -> Result<(Scene, Vec<b
     let masks = masks
         .into_iter()
         .enumerate()
-        .map(|(index, MaskHeader { width, height, wrap })| {
+        .map(|(index, MaskHeader { width, height, cutoff, wrap })| {
             let name = format!("scene/mask_{index}");
             let solid = shelf.flags(&name)?;
             if (width as usize).checked_mul(height as usize) != Some(solid.len()) || solid.is_empty() {
                 return Err(inconsistent(&name, format!("{} texels, expected {width} x {height}", solid.len())));
             }
-            Ok(AlphaMask { width, height, solid, wrap })
+            Ok(AlphaMask { width, height, solid, cutoff, wrap })
         })
         .collect::<Result<Vec<_>, RecordError>>()?;
     let mut polygons: Vec<Polygon> = Vec::with_capacity(count);
@@ -452,6 +455,7 @@ fn read_scene(attributes: Attributes, shelf: &mut Shelf) -> Result<(Scene, Vec<b
     let mut scene = Scene {
         polygons,
         fronts,
+        joined,
         objects: objects.into_iter().map(|name| Object { name }).collect(),
         materials,
         images,

@@ -24,7 +24,7 @@ fn rich() -> Solution {
     let face = common::inputs::Make::face(&mut input, 0, 2, &corners.map(Into::into));
     common::inputs::with_uv(&mut input, face, &[[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]);
     let solid = vec![true, false, false, true];
-    input.masks.push(AlphaMask { width: 2, height: 2, solid, wrap: [Wrap::Clamp; 2] });
+    input.masks.push(AlphaMask { width: 2, height: 2, solid, cutoff: 0.75, wrap: [Wrap::Clamp; 2] });
     input.images.push(Image { name: "picture".into(), mime: "image/png".into(), bytes: vec![1, 2, 3] });
     solved(&scene(input), &draft())
 }
@@ -78,6 +78,22 @@ fn a_record_comes_back_exactly() {
     let points = points(solution.scene(), 2000, 1);
     assert_eq!(irradiances(&solution, &points), irradiances(&back, &points));
     assert_eq!(solution.mesh().triangles, back.mesh().triangles);
+}
+
+/// Catches facts of the scene that are lost between the arrays, and files of 0.1, which lack them, refused.
+#[test]
+fn joins_and_cutoffs_come_back() {
+    let solution = rich();
+    let record = solution.to_record();
+    let known = |record: Record| {
+        let scene = Solution::from_record(record).unwrap();
+        (scene.scene().joined, scene.scene().masks[0].cutoff)
+    };
+    assert_eq!(known(record.clone()), (solution.scene().joined, 0.75));
+    let mut attributes: serde_json::Value = serde_json::from_str(&record.attributes).unwrap();
+    attributes.as_object_mut().unwrap().remove("joined").unwrap();
+    attributes["masks"][0].as_object_mut().unwrap().remove("cutoff").unwrap();
+    assert_eq!(known(Record { attributes: attributes.to_string(), ..record }), (0, 0.5));
 }
 
 /// Catches an array that is not needed (then why is it stored?) or whose absence is not named.

@@ -13,6 +13,7 @@ from isolux.cli.options import JsonTarget, Units, load_scene, write_json
 from isolux.cli.terminal import interrupts, show
 
 if TYPE_CHECKING:
+    from isolux.report import Issue
     from isolux.scene import Scene
 
 __all__ = ["inspect"]
@@ -25,6 +26,9 @@ def inspect(
 ) -> int:
     """Show what is in a scene: extents, polygons, lights, cameras, materials, and every finding.
 
+    Findings are what the file leaves open or gets wrong, and faults of its geometry: flipped faces, corners
+    inside neighbours' edges, polygons that overlap in one plane. Each names its object.
+
     For example:
         isolux inspect room.glb
 
@@ -35,11 +39,12 @@ def inspect(
     with interrupts():
         loaded = load_scene(scene, units)
         loaded.check()
-        return _show(loaded, scene, json)
+        findings = sorted(loaded.issues + loaded.audit(), key=lambda issue: issue.severity != "warning")
+        return _show(loaded, scene, findings, json)
 
 
-def _show(loaded: Scene, scene: Path, json: str | None) -> int:
-    if write_json(json, _values(loaded, scene)):
+def _show(loaded: Scene, scene: Path, findings: list[Issue], json: str | None) -> int:
+    if write_json(json, _values(loaded, scene, findings)):
         return 0
     show(
         tables.scene(loaded, str(scene)),
@@ -48,12 +53,12 @@ def _show(loaded: Scene, scene: Path, json: str | None) -> int:
         "",
         tables.materials(loaded.materials, loaded.unit),
         "",
-        tables.issues(loaded.issues) if loaded.issues else "no findings",
+        tables.issues(findings) if findings else "no findings",
     )
     return 0
 
 
-def _values(scene: Scene, source: Path) -> dict[str, Any]:
+def _values(scene: Scene, source: Path, findings: list[Issue]) -> dict[str, Any]:
     """Everything, for programs."""
     return {
         "file": str(source),
@@ -69,5 +74,5 @@ def _values(scene: Scene, source: Path) -> dict[str, Any]:
         "lights": [{**dataclasses.asdict(light), "total": light.total} for light in scene.lights],
         "emitted_power": scene.emitted_power,
         "cameras": scene.cameras,
-        "issues": [dataclasses.asdict(issue) for issue in scene.issues],
+        "issues": [dataclasses.asdict(issue) for issue in findings],
     }

@@ -192,7 +192,7 @@ def _show(solution: isolux.Solution, out: Path, json: str | None) -> int:
 
 def _tell_of_issues(scene: isolux.Scene) -> None:
     """Warnings one by one; notes only as a number."""
-    issues = scene.issues
+    issues = scene.issues + scene.audit()
     warnings = [issue for issue in issues if issue.severity == "warning"]
     for issue in warnings:
         say(f"warning: {issue.object}: {issue.message}")

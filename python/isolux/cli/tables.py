@@ -32,11 +32,12 @@ def scene(scene: Scene, source: str) -> Table:
         (
             "polygons",
             f"{polygons.fronts:,} ({polygons.triangles:,} triangles, {polygons.quadrilaterals:,} "
-            f"quadrilaterals; {polygons.two_sided:,} two-sided)",
+            f"quadrilaterals, {polygons.joined:,} of them joined from two triangles; "
+            f"{polygons.two_sided:,} two-sided)",
         ),
         (
             "input triangles",
-            f"{len(scene.triangles):,} ({polygons.dropped_triangles:,} without area, dropped)",
+            f"{len(scene.triangles):,} ({polygons.dropped_triangles:,} without area or opacity, dropped)",
         ),
         ("objects", f"{len(scene.objects):,}"),
         (

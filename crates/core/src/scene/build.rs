@@ -65,6 +65,7 @@ pub(super) fn build(input: SceneInput, options: &BuildOptions) -> Result<Scene, 
         admit_face(index, face, scale, &objects, &materials, &mut triangles, &mut pieces, &mut notes)?;
     }
     let is_empty_mask: Vec<bool> = masks.iter().map(|mask| !mask.solid.contains(&true)).collect();
+    let before = pieces.len();
     pieces.retain(|piece| {
         let mask = mask_of(&materials[piece.material as usize]);
         let is_there = piece.surface.opacity > 0.0 && !mask.is_some_and(|mask| is_empty_mask[mask as usize]);
@@ -83,7 +84,7 @@ pub(super) fn build(input: SceneInput, options: &BuildOptions) -> Result<Scene, 
     }
     let diameter = (high - low).length();
     let tolerance = diameter * RELATIVE_TOLERANCE;
-    let before = pieces.len();
+    let invisible = before - pieces.len();
     pieces.retain(|piece| {
         let sound = piece.is_thicker_than(tolerance);
         if !sound {
@@ -92,9 +93,11 @@ pub(super) fn build(input: SceneInput, options: &BuildOptions) -> Result<Scene, 
         sound
     });
     if pieces.is_empty() {
-        return Err(SceneError::Empty { dropped: before });
+        return Err(SceneError::Empty { dropped: before - invisible, invisible });
     }
+    let before = pieces.len();
     let pieces = if options.join { join(pieces) } else { pieces };
+    let joined = before - pieces.len();
     let mut polygons: Vec<Polygon> = pieces.iter().map(|piece| piece.polygon(&materials)).collect();
     let fronts = polygons.len();
     for front in 0..fronts {
@@ -131,6 +134,7 @@ pub(super) fn build(input: SceneInput, options: &BuildOptions) -> Result<Scene, 
     let mut scene = Scene {
         polygons,
         fronts,
+        joined,
         objects,
         materials,
         images,
@@ -485,7 +489,7 @@ mod tests {
     /// taken for an error, or counted into the scene's diameter; and lamps dropped with them.
     #[test]
     fn faces_without_opacity_are_left_out_unless_they_emit() {
-        let mask = |solid| AlphaMask { width: 2, height: 1, solid, wrap: [Wrap::Repeat; 2] };
+        let mask = |solid| AlphaMask { width: 2, height: 1, solid, cutoff: 0.5, wrap: [Wrap::Repeat; 2] };
         let mut input = SceneInput { metres_per_unit: 1.0, ..SceneInput::default() };
         input.masks = vec![mask(vec![false, false]), mask(vec![true, false])];
         add(&mut input, 0.0, 1.0, 0.0, Alpha::Opaque);
@@ -508,6 +512,6 @@ mod tests {
         let mut input = SceneInput { metres_per_unit: 1.0, ..SceneInput::default() };
         add(&mut input, 0.0, 0.0, 0.0, Alpha::Attenuate);
         let error = Scene::build(input, &BuildOptions::default()).unwrap_err();
-        assert!(matches!(error, SceneError::Empty { .. }), "{error}");
+        assert_eq!(error, SceneError::Empty { dropped: 0, invisible: 1 });
     }
 }

@@ -16,6 +16,7 @@ pub(super) fn hash(scene: &Scene) -> [u8; 32] {
     let Scene {
         polygons,
         fronts,
+        joined,
         objects,
         materials,
         images: _,
@@ -34,6 +35,7 @@ pub(super) fn hash(scene: &Scene) -> [u8; 32] {
     bytes.text(unit.power());
     bytes.number(*diameter);
     bytes.count(*fronts);
+    bytes.count(*joined);
     bytes.list(polygons, Bytes::polygon);
     bytes.list(triangles, |bytes, triangle| triangle.iter().for_each(|&corner| bytes.point(corner)));
     bytes.list(face_polygon, |bytes, &polygon| bytes.index(polygon));
@@ -164,9 +166,10 @@ impl Bytes {
     }
 
     fn mask(&mut self, mask: &AlphaMask) {
-        let AlphaMask { width, height, solid, wrap } = mask;
+        let AlphaMask { width, height, solid, cutoff, wrap } = mask;
         self.index(*width);
         self.index(*height);
+        self.number(*cutoff);
         self.wrap(*wrap);
         self.list(solid, |bytes, &solid| bytes.choice(u8::from(solid)));
     }

@@ -19,7 +19,7 @@ pub enum Severity {
 pub enum IssueKind {
     /// Faces without area were dropped.
     DegenerateFace,
-    /// Faces that look away from everything lit: probably flipped winding.
+    /// Faces that turn a black back to the light and get none in front: probably flipped winding.
     FlippedFace,
     /// Reflectance of 1 or more was clamped.
     ReflectanceClamped,
@@ -31,9 +31,9 @@ pub enum IssueKind {
     NoLight,
     /// A quadrilateral is not planar or not convex and was cut into two triangles.
     NonPlanarQuad,
-    /// A vertex of one polygon lies inside another's edge.
+    /// A corner of one polygon lies inside another's edge.
     TJoint,
-    /// Two coplanar polygons overlap.
+    /// Two polygons of one plane that face the same way overlap.
     CoplanarOverlap,
     /// A feature of the file was ignored.
     Ignored,
@@ -59,11 +59,15 @@ pub struct Issue {
 /// Why no scene could be made.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum SceneError {
-    /// No face with area is left.
-    #[error("the scene has no surfaces ({dropped} faces without area were dropped)")]
+    /// No face with area and opacity is left.
+    #[error(
+        "the scene has no surfaces ({dropped} faces without area and {invisible} without opacity or emission were dropped)"
+    )]
     Empty {
         /// Degenerate faces that were dropped.
         dropped: usize,
+        /// Faces that were dropped because they neither stop nor emit light.
+        invisible: usize,
     },
     /// A coordinate is NaN or infinite.
     #[error("object '{object}': face {face} has a coordinate that is not a finite number")]

@@ -12,6 +12,9 @@ pub struct AlphaMask {
     pub height: u32,
     /// Row by row, true where the surface is there.
     pub solid: Vec<bool>,
+    /// Least alpha of the image that is solid: what lit outputs tell viewers, who cut the image again. (The file's
+    /// alphaCutoff over its factor on alpha.) It changes no light.
+    pub cutoff: f64,
     /// Repetition along u and v.
     pub wrap: [Wrap; 2],
 }

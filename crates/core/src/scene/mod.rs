@@ -34,6 +34,8 @@ pub struct Scene {
     pub polygons: Vec<Polygon>,
     /// Number of fronts: surfaces that exist as geometry (what a ray can hit).
     pub fronts: usize,
+    /// Fronts that were joined from two triangles each; the other quadrilaterals were given as such.
+    pub joined: usize,
     /// Named objects, in file order.
     pub objects: Vec<Object>,
     /// Named materials, in file order.

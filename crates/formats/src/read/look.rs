@@ -93,6 +93,15 @@ impl Look {
         }
     }
 
+    /// Least alpha of the base-colour texture that is there: the cutoff without the factor on alpha.
+    pub(super) fn texture_cutoff(&self) -> f64 {
+        match self.coverage {
+            // A cutoff of 0 leaves everything, a factor of 0 nothing else.
+            Coverage::Mask(cutoff) if cutoff > 0.0 => (cutoff / self.alpha.max(0.0)).min(f64::from(f32::MAX)),
+            _ => 0.0,
+        }
+    }
+
     /// Loads the textures; `missing` is told of each that cannot be had, and the factor alone counts.
     pub(super) fn load(&self, bank: &mut Bank<'_>, mut missing: impl FnMut(&str, &str, String)) -> Loaded {
         let mut load = |map: Option<Map>, rule: Rule, what: &str| {

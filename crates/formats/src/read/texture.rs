@@ -268,10 +268,10 @@ impl Grid {
         sum.map(|value| value / count / f64::from(ONE))
     }
 
-    /// The weights as a cut-out mask.
-    pub(super) fn mask(&self, wrap: [Wrap; 2]) -> AlphaMask {
+    /// The weights as a cut-out mask, with the least alpha that they were made by.
+    pub(super) fn mask(&self, cutoff: f64, wrap: [Wrap; 2]) -> AlphaMask {
         let solid = self.rgba.chunks_exact(4).map(|texel| self.weight[usize::from(texel[3])] > 0).collect();
-        AlphaMask { width: self.width as u32, height: self.height as u32, solid, wrap }
+        AlphaMask { width: self.width as u32, height: self.height as u32, solid, cutoff, wrap }
     }
 }
 

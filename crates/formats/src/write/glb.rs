@@ -212,9 +212,16 @@ impl Writer<'_> {
             Alpha::Attenuate => json::material::AlphaMode::Blend,
             Alpha::Opaque | Alpha::Mask(_) => json::material::AlphaMode::Opaque,
         };
+        let alpha_cutoff = match material.alpha {
+            Alpha::Mask(mask) if textured => {
+                scene.masks.get(mask as usize).map(|mask| json::material::AlphaCutoff(mask.cutoff as f32))
+            }
+            _ => None,
+        };
         let made = self.root.push(json::Material {
             name: Some(material.name.clone()),
             alpha_mode: Valid(alpha_mode),
+            alpha_cutoff,
             pbr_metallic_roughness: pbr,
             extensions: Some(json::extensions::material::Material {
                 unlit: Some(json::extensions::material::Unlit {}),

@@ -124,8 +124,8 @@ fn keep_texture(loaded: &Loaded, bank: &mut Bank<'_>, images: &mut Vec<Image>) -
     Some(Texture { image, factor: loaded.look.base, wrap: map.wrap })
 }
 
-/// What makes two masks the same: image, cut, repetition.
-type MaskKey = (usize, Rule, [Wrap; 2]);
+/// What makes two masks the same: image, cut, cutoff, repetition.
+type MaskKey = (usize, Rule, f64, [Wrap; 2]);
 
 /// A material with the surface that it has by itself; its mask, if it has one, is put into `masks` once.
 fn finish(
@@ -137,10 +137,11 @@ fn finish(
     masks: &mut Vec<AlphaMask>,
 ) -> Material {
     let alpha = loaded.alpha(|map, grid| {
-        let key = (map.image, loaded.look.base_rule(), map.wrap);
+        let cutoff = loaded.look.texture_cutoff();
+        let key = (map.image, loaded.look.base_rule(), cutoff, map.wrap);
         let index = keys.iter().position(|known| *known == key).unwrap_or_else(|| {
             keys.push(key);
-            masks.push(grid.mask(map.wrap));
+            masks.push(grid.mask(cutoff, map.wrap));
             masks.len() - 1
         });
         index as u32
