@@ -1,4 +1,5 @@
-//! The way back to Python while Rust works: twenty times a second it hears Ctrl-C and tells the progress.
+//! The way back to Python while Rust works: twenty times a second, and whenever a phase begins, it hears Ctrl-C and
+//! tells the progress.
 
 use isolux::core::solution::{self as core, Flow, Phase};
 use pyo3::prelude::*;
@@ -47,7 +48,7 @@ fn phase_name(phase: Phase) -> &'static str {
 /// Asks Python whether to go on.
 pub(crate) struct PythonObserver {
     callback: Option<Py<PyAny>>,
-    last: Option<Instant>,
+    last: Option<(Instant, Phase)>,
     /// What the signal handler or the callback raised; the computation was told to stop then.
     pub(crate) raised: Option<PyErr>,
 }
@@ -63,7 +64,9 @@ impl core::Observer for PythonObserver {
         if self.raised.is_some() {
             return Flow::Stop;
         }
-        if self.last.is_some_and(|last| last.elapsed() < INTERVAL) && progress.done < 1.0 {
+        // A phase is told at once, however short it is.
+        let is_told = |(last, phase): (Instant, Phase)| phase == progress.phase && last.elapsed() < INTERVAL;
+        if self.last.is_some_and(is_told) && progress.done < 1.0 {
             return Flow::Continue;
         }
         let answer = Python::attach(|py| {
@@ -74,7 +77,7 @@ impl core::Observer for PythonObserver {
             Ok(())
         });
         // Counted from the end of the call, so that a slow callback cannot starve the work.
-        self.last = Some(Instant::now());
+        self.last = Some((Instant::now(), progress.phase));
         match answer {
             Ok(()) => Flow::Continue,
             Err(error) => {

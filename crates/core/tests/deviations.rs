@@ -53,6 +53,33 @@ fn patch(polygon: &Polygon) -> Patch<'_> {
     Patch { corners: &polygon.corners, plane: &polygon.plane, area: polygon.area }
 }
 
+/// D22: what a block covers of the floor is dark, and the paper's mean over the element takes that from the open part:
+/// of the light of a closed box, 1.5 % end where nobody sees them, and 0.005 % where covered parts are left out. Would catch
+/// exposures that are not measured or not used, and a balance that books the loss elsewhere.
+#[test]
+fn d22_covered_parts_swallow_light_unless_they_are_left_out() {
+    let mut input = empty();
+    let walls = input.object("walls");
+    let paint = input.material("paint", grey(0.7, 0.0));
+    let lamp = input.material("lamp", grey(0.7, 5.0));
+    input.inside_of_box(walls, paint, v(0.0, 0.0, 0.0), v(3.0, 2.0, 2.5));
+    input.faces[3].material = lamp;
+    let block = input.object("block");
+    input.outside_of_box(block, paint, v(1.1, 0.0, 1.1), v(2.1, 0.8, 1.9));
+    let scene = built(input);
+    let bsp = tree(&scene);
+    let lost = [Covered::Counted, Covered::LeftOut].map(|covered| {
+        let solver = settled(&scene, &bsp, Parameters { covered, ..parameters(0.05, 0.01) });
+        let active = solver.active().to_vec();
+        let balance =
+            balance(&scene, &bsp, solver.hierarchy(), &active, 0, &mut Counts::default(), &mut Unobserved).unwrap();
+        // Of the same light: both balances close.
+        assert!(balance.imbalance().abs() < 0.02, "{covered:?}: {balance:?}");
+        balance.lost_to_backs.mean() / balance.emitted.mean()
+    });
+    assert!(lost[0] > 0.01 && lost[1] < 0.001, "{lost:?}");
+}
+
 /// D4: a back that sees a share s of lit surroundings is overlooked in `(1 - s)^64` of all seeds (here 0.95 % and 54 %),
 /// and its light is then reported as lost. Would catch another number of rays, rays that are not drawn by the cosine, a
 /// back that wakes without light, and a balance that hides what sleeping backs swallow.

@@ -408,7 +408,13 @@ fn opacities_out_of_range_are_clamped_and_said() {
             by_material.face(0, 0, &square());
             by_material.face(0, 0, &square().map(|corner| corner + DVec3::Z));
             by_material.materials[0].alpha = if masked { Alpha::Mask(0) } else { Alpha::Attenuate };
-            by_material.masks.push(AlphaMask { width: 1, height: 1, solid: vec![true], wrap: [Wrap::Repeat; 2] });
+            by_material.masks.push(AlphaMask {
+                width: 1,
+                height: 1,
+                cutoff: 0.5,
+                solid: vec![true],
+                wrap: [Wrap::Repeat; 2],
+            });
             by_material.faces[0].surface = Some(Surface { opacity: 0.5, ..surface });
             let mut by_face = by_material.clone();
             by_material.materials[0].surface = surface;
@@ -436,7 +442,7 @@ fn masks_have_the_texels_that_they_claim() {
         let mut input = plain();
         input.face(0, 0, &square());
         input.materials[0].alpha = Alpha::Mask(0);
-        input.masks.push(AlphaMask { width, height, solid: vec![true; texels], wrap: [Wrap::Repeat; 2] });
+        input.masks.push(AlphaMask { width, height, cutoff: 0.5, solid: vec![true; texels], wrap: [Wrap::Repeat; 2] });
         let expected = SceneError::MaskSize { material: "paint".into(), mask: 0, width, height, texels };
         assert_eq!(build(input).unwrap_err(), expected);
     }
@@ -608,7 +614,7 @@ fn the_hash_covers_every_part_of_a_scene() {
     input.materials[0].alpha = Alpha::Mask(0);
     input.materials[0].texture = Some(Texture { image: 0, factor: Rgb::ONE, wrap: [Wrap::Repeat; 2] });
     input.images.push(Image { name: "wood".into(), mime: "image/png".into(), bytes: vec![1] });
-    input.masks.push(AlphaMask { width: 2, height: 1, solid: vec![true, false], wrap: [Wrap::Repeat; 2] });
+    input.masks.push(AlphaMask { width: 2, height: 1, cutoff: 0.5, solid: vec![true, false], wrap: [Wrap::Repeat; 2] });
     let scene = built(input);
     type Change = (&'static str, fn(&mut Scene));
     let changes: [Change; 33] = [

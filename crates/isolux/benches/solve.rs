@@ -31,6 +31,8 @@ fn settings(bf_epsilon: f64, area_epsilon: f64) -> Settings {
         partial_weight: 1.0,
         partial_form_factor: 1.0,
         emission_weight: 1.0,
+        weighting: Weighting::Equal,
+        covered: Covered::Counted,
         interpolation: Interpolation::Averaged,
         threads: 1,
         ..Settings::default()
@@ -64,7 +66,7 @@ fn kernels(criterion: &mut Criterion) {
         scene: &scene,
         bsp,
         form_factor: settings.form_factor,
-        sampling: isolux::core::kernels::visibility::Sampling { rays: settings.rays, weighting: settings.weighting },
+        sampling: Sampling { rays: settings.rays, weighting: settings.weighting },
         covered: settings.covered,
         seed: 0,
     };

@@ -80,20 +80,13 @@ fn a_record_comes_back_exactly() {
     assert_eq!(solution.mesh().triangles, back.mesh().triangles);
 }
 
-/// Catches facts of the scene that are lost between the arrays, and files of 0.1, which lack them, refused.
+/// Catches facts of the scene that are lost between the arrays.
 #[test]
 fn joins_and_cutoffs_come_back() {
     let solution = rich();
-    let record = solution.to_record();
-    let known = |record: Record| {
-        let scene = Solution::from_record(record).unwrap();
-        (scene.scene().joined, scene.scene().masks[0].cutoff)
-    };
-    assert_eq!(known(record.clone()), (solution.scene().joined, 0.75));
-    let mut attributes: serde_json::Value = serde_json::from_str(&record.attributes).unwrap();
-    attributes.as_object_mut().unwrap().remove("joined").unwrap();
-    attributes["masks"][0].as_object_mut().unwrap().remove("cutoff").unwrap();
-    assert_eq!(known(Record { attributes: attributes.to_string(), ..record }), (0, 0.5));
+    let back = Solution::from_record(solution.to_record()).unwrap();
+    assert_eq!(back.scene().joined, solution.scene().joined);
+    assert_eq!(back.scene().masks[0].cutoff, 0.75);
 }
 
 /// Catches an array that is not needed (then why is it stored?) or whose absence is not named.

@@ -27,9 +27,9 @@ pub struct Thresholds {
     /// (Laplace's rule of succession): a link of which 16 rays of 16 were blocked is refined too while it could carry
     /// much, or light through gaps is lost one-sidedly. At 1, the paper's rule, k of n is taken for the truth.
     pub partial: f64,
-    /// Largest form factor of a link whose visibility is sampled and below 1. Where patches meet at an edge, most of F comes
-    /// from along that edge, which few of the rays see: V is then too low by a quarter (floor and wall of a Cornell box,
-    /// with a block before them: 0.096 for 0.132). 1 is the paper's rule.
+    /// Largest form factor of a link whose visibility is sampled and below 1: what varies over two elements that exchange
+    /// much is told by their parts. At an asked error of 0.1, the Cornell box is off by 4.2 % with 0.02, 4.8 % with 0.1 and
+    /// above. 1 is the paper's rule.
     pub partial_form_factor: f64,
     /// Weight of a source's own emission against what it reflects, at most 1: emission is constant over a polygon, so
     /// that a link to it errs only by what its receiver's vertices then gather anew. 1 is the paper's rule.

@@ -40,15 +40,15 @@ pub enum Rays {
 pub enum Weighting {
     /// Every ray the same, as in the paper.
     Equal,
-    /// Each ray what it would carry: `w = cos cos' / (pi r² + a)`, with the angles at both ends, its length r and the
-    /// area a of a sub-element of the smaller patch, which bounds w where patches touch.
-    /// Equal rays misjudge `F V` where the near parts of two patches see each other and the far parts do not; so do these
-    /// while most of F comes from along a common edge that few rays see (refinement mends that, see the oracle).
+    /// What it would carry: between neighbours, rays are drawn as their light flows and count the same; between others,
+    /// each has the weight `w = cos cos' / (pi r² + a)`, with the angles at both ends, its length r and the area a of a
+    /// sub-element of the smaller patch, which bounds w. Equal rays misjudge `F V` where the near parts of two patches
+    /// see each other and the far parts do not.
     #[default]
     Carried,
 }
 
-/// What becomes of parts of elements that something covers.
+/// What becomes of parts of elements that something covers (D22).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Covered {
@@ -112,7 +112,8 @@ impl From<Rays> for u32 {
 /// - `a`, `b`: the patches, in the pair's canonical order (`visibility(b, a)` with the same seed draws other points).
 /// - `sampling`: 16 rays, joining the 16 sub-elements of both by a random permutation, or all 256 pairs. Where none of the 16
 ///   counts, the 256 are tried; where none of those does, `V` is 0.
-///   [`Weighting`] says what each counts for.
+///   [`Weighting`] says what each counts for, and which rays neighbours get instead: at least 12 and at most 16 (192
+///   and 256).
 /// - `seed`: chooses the points in the sub-elements and the permutation; the caller mixes the pair's names into it.
 ///
 /// Source: Podehl, Rauber, Rünger (1996), section 2 ("rays from 16 sub-elements to 16 sub-elements"), jittered here, so
@@ -123,7 +124,8 @@ impl From<Rays> for u32 {
 /// plane. The result lies in [0, 1] and does not depend on the tree's order of insertion.
 ///
 /// Error: an estimate, with the standard deviation of a share `V` at most `1 / (2 sqrt(n))`: 0.125 by 16 rays (checked,
-/// with its mean, by `partial_visibility_is_unbiased`). Every ray is exact but for the tolerance
+/// with its mean, by `partial_visibility_is_unbiased`), 0.145 between neighbours
+/// (`visibility_of_neighbours_is_the_share_of_their_exchange`). Every ray is exact but for the tolerance
 /// (`beams_agree_with_single_rays`, `rays_agree_with_a_search_over_all_polygons`).
 pub fn visibility<P: Probe>(
     bsp: &Bsp,
