@@ -33,14 +33,15 @@ class Settings:
         epsilons that are None.
     bf_epsilon
         Links carry at most this share of the scene's mean irradiance.
-    partial_weight
-        Links whose visibility is only sampled, and below 1, count this many times what they carry; 1 is
-        the paper's rule.
+    partial_visibility
+        What counts for a visibility that is only sampled, and below 1, in [0, 1]; 0, the paper's rule,
+        stands for what the sample says.
     partial_form_factor
         Links that see each other partly are refined down to this form factor, however dim; 1 is the
         paper's rule.
     emission_weight
-        A source's emission counts this many times what it reflects; 1 is the paper's rule.
+        A source's emission counts this many times what it reflects, where all of it is visible; 1 is the
+        paper's rule.
     area_epsilon
         Elements below this share of the scene's area are not split.
     energy_epsilon
@@ -79,7 +80,7 @@ class Settings:
 
     error: float = 0.05
     bf_epsilon: float | None = None
-    partial_weight: float = 4.0
+    partial_visibility: float = 0.5
     partial_form_factor: float = 0.02
     emission_weight: float = 0.1
     area_epsilon: float | None = None

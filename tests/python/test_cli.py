@@ -194,7 +194,7 @@ def test_every_setting_reaches_the_solver(isolux_command, scene_file, tmp_path):
     """Catches an option that is accepted and forgotten."""
     options = {
         "--bf-eps": 0.4,
-        "--partial-weight": 2.0,
+        "--partial-visibility": 0.75,
         "--partial-form-factor": 0.3,
         "--emission-weight": 0.5,
         "--area-eps": 0.1,
@@ -221,7 +221,7 @@ def test_every_setting_reaches_the_solver(isolux_command, scene_file, tmp_path):
     assert report.settings.to_dict() == {
         "error": 0.2,
         "bf_epsilon": 0.4,
-        "partial_weight": 2.0,
+        "partial_visibility": 0.75,
         "emission_weight": 0.5,
         "partial_form_factor": 0.3,
         "area_epsilon": 0.1,

@@ -44,7 +44,7 @@ def test_orders_survive_writing(order, seed, written):
         ({"error": float("nan")}, "setting 'error' is nan: expected a finite number"),
         ({"error": "small"}, "setting 'error' is \"small\": invalid type"),
         ({"bf_epsilon": -1.0}, "setting 'bf_epsilon' is -1: expected a number above 0"),
-        ({"partial_weight": 0.0}, "setting 'partial_weight' is 0: expected a number above 0"),
+        ({"partial_visibility": 1.5}, "setting 'partial_visibility' is 1.5: expected a number from 0 to 1"),
         ({"emission_weight": -0.1}, "setting 'emission_weight' is -0.1: expected a number above 0"),
         ({"weighting": "heavy"}, "setting 'weighting' is \"heavy\": unknown variant"),
         ({"interpolation": "none"}, "setting 'interpolation' is \"none\": unknown variant"),

@@ -20,7 +20,7 @@ use isolux_core::units::Rgb;
 /// The paper's rule of refinement, with these thresholds.
 fn parameters(bf: f64, area: f64) -> Parameters {
     Parameters {
-        thresholds: Thresholds { bf, partial: 1.0, partial_form_factor: 1.0, emission: 1.0, area },
+        thresholds: Thresholds { bf, partial: 0.0, partial_form_factor: 1.0, emission: 1.0, area },
         stop: Stop::Change(1e-12),
         update: Update::InPlace,
         roots: Roots::Polygons,

@@ -35,7 +35,7 @@ fn room() -> Scene {
 
 fn parameters(bf: f64) -> Parameters {
     Parameters {
-        thresholds: Thresholds { bf, partial: 1.0, partial_form_factor: 1.0, emission: 1.0, area: 0.01 },
+        thresholds: Thresholds { bf, partial: 0.0, partial_form_factor: 1.0, emission: 1.0, area: 0.01 },
         stop: Stop::Change(1e-12),
         update: Update::InPlace,
         roots: Roots::Polygons,

@@ -39,11 +39,11 @@ pub struct Settings {
     pub error: f64,
     /// Links carry at most this share of the scene's mean irradiance (the paper's `BF_eps`).
     pub bf_epsilon: Option<f64>,
-    /// Links that see each other partly count this many times what they carry; 1 is the paper's rule.
-    pub partial_weight: f64,
+    /// What counts for a visibility that is only sampled, and below 1; 0, the paper's rule, stands for the sample.
+    pub partial_visibility: f64,
     /// Links that see each other partly are refined down to this form factor, however dim; 1 is the paper's rule.
     pub partial_form_factor: f64,
-    /// A source's emission counts this many times what it reflects; 1 is the paper's rule.
+    /// A source's emission counts this many times what it reflects, where all of it is visible; 1 is the paper's rule.
     pub emission_weight: f64,
     /// Elements below this share of the scene's area are not split (the paper's `A_eps`).
     pub area_epsilon: Option<f64>,
@@ -78,7 +78,7 @@ impl Default for Settings {
         Settings {
             error: Quality::Production.error(),
             bf_epsilon: None,
-            partial_weight: 4.0,
+            partial_visibility: 0.5,
             partial_form_factor: 0.02,
             emission_weight: 0.1,
             area_epsilon: None,
@@ -112,12 +112,15 @@ impl Settings {
             }
         };
         share("error", self.error)?;
+        if !(0.0..=1.0).contains(&self.partial_visibility) {
+            let value = self.partial_visibility.to_string();
+            return Err(SettingsError { name: "partial_visibility", value, expected: "a number from 0 to 1" });
+        }
         for (name, value) in [("area_epsilon", self.area_epsilon), ("energy_epsilon", self.energy_epsilon)] {
             value.map_or(Ok(()), |value| share(name, value))?;
         }
         for (name, value) in [
             ("bf_epsilon", self.bf_epsilon),
-            ("partial_weight", Some(self.partial_weight)),
             ("partial_form_factor", Some(self.partial_form_factor)),
             ("emission_weight", Some(self.emission_weight)),
         ] {

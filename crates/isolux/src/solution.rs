@@ -68,6 +68,10 @@ impl Observer for Part<'_> {
     }
 }
 
+/// Least irradiance for which a vertex sends rays of its own to a source that it may see partly, in `BF_eps`. With 1 in
+/// place of 1/4, the Cornell box at an asked error of 0.1 is off by 4.9 in place of 3.9 %.
+const SHADOWS_PER_BF: f64 = 0.25;
+
 /// Seconds by phase.
 struct Stopwatch {
     phases: Vec<PhaseReport>,
@@ -150,7 +154,7 @@ pub fn solve(scene: Arc<Scene>, settings: &Settings, observer: &mut dyn Observer
     let parameters = Parameters {
         thresholds: Thresholds {
             bf: settings.bf_epsilon.unwrap_or(BF_PER_ERROR * error) * scale,
-            partial: settings.partial_weight,
+            partial: settings.partial_visibility,
             partial_form_factor: settings.partial_form_factor,
             emission: settings.emission_weight,
             area: settings.area_epsilon.unwrap_or(AREA_PER_ERROR_SQUARED * error * error) * scene.area(),
@@ -199,7 +203,7 @@ pub fn solve(scene: Arc<Scene>, settings: &Settings, observer: &mut dyn Observer
     } else if settings.interpolation == Interpolation::Averaged {
         average(&scene, bsp, &hierarchy, &mut rest)
     } else {
-        let above = parameters.thresholds.bf / parameters.thresholds.partial;
+        let above = SHADOWS_PER_BF * parameters.thresholds.bf;
         smooth::gather(&scene, &evaluator, &mut hierarchy, above, error, settings.threads, &mut counts, &mut rest)
     };
     if smooth.is_none() {

@@ -21,7 +21,7 @@ fn parameters(settings: &Settings, bf: f64, area: f64) -> Parameters {
     Parameters {
         thresholds: Thresholds {
             bf,
-            partial: settings.partial_weight,
+            partial: settings.partial_visibility,
             partial_form_factor: settings.partial_form_factor,
             emission: settings.emission_weight,
             area,

@@ -59,7 +59,7 @@ fn the_furnace_has_radiosity_two() {
 #[test]
 fn the_furnace_with_disks_is_off_by_what_is_known() {
     let settings = Settings { form_factor: FormFactor::Disks, interpolation: Interpolation::Averaged, ..draft() };
-    let paper = Settings { partial_weight: 1.0, emission_weight: 1.0, bf_epsilon: Some(0.05), ..settings };
+    let paper = Settings { partial_visibility: 0.0, emission_weight: 1.0, bf_epsilon: Some(0.05), ..settings };
     let [low, high, rms] = furnace(&Settings { area_epsilon: Some(2e-4), ..paper });
     assert!((-0.14..-0.09).contains(&low), "{low}");
     assert!((0.48..0.58).contains(&high), "{high}");
@@ -615,11 +615,12 @@ fn darkness_and_nonsense_are_refused() {
             ("bf_epsilon", Settings { bf_epsilon: Some(bad), ..draft() }),
             ("area_epsilon", Settings { area_epsilon: Some(bad), ..draft() }),
             ("energy_epsilon", Settings { energy_epsilon: Some(bad), ..draft() }),
-            ("partial_weight", Settings { partial_weight: bad, ..draft() }),
             ("partial_form_factor", Settings { partial_form_factor: bad, ..draft() }),
             ("emission_weight", Settings { emission_weight: bad, ..draft() }),
         ];
-        for (name, settings) in cases {
+        // 0 is a good one here.
+        let partial = ("partial_visibility", Settings { partial_visibility: bad - 0.5, ..draft() });
+        for (name, settings) in cases.into_iter().chain([partial]) {
             match solve(lit.clone(), &settings, &mut Unobserved).unwrap_err() {
                 SolveError::Settings(error) => assert_eq!(error.name, name),
                 error => panic!("{name}: {error}"),

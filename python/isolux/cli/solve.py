@@ -59,12 +59,14 @@ def solve(
             metavar="E", help="Most a link may carry, relative to the mean.", rich_help_panel=_EPSILONS
         ),
     ] = None,
-    partial_weight: Annotated[
+    partial_visibility: Annotated[
         float,
         typer.Option(
-            metavar="W", help="Weight of links that see each other partly.", rich_help_panel=_EPSILONS
+            metavar="V",
+            help="What a sampled visibility counts for; 0: what it is.",
+            rich_help_panel=_EPSILONS,
         ),
-    ] = 4.0,
+    ] = 0.5,
     partial_form_factor: Annotated[
         float,
         typer.Option(
@@ -140,7 +142,7 @@ def solve(
     fields: dict[str, Any] = {
         "error": chosen,
         "bf_epsilon": bf_eps,
-        "partial_weight": partial_weight,
+        "partial_visibility": partial_visibility,
         "partial_form_factor": partial_form_factor,
         "emission_weight": emission_weight,
         "area_epsilon": area_eps,

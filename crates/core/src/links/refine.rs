@@ -87,7 +87,7 @@ pub fn refine<P: Probe>(
         let source = link.source;
         let areas = [area, hierarchy.elements.get(source).area];
         let emission = evaluator.scene.polygons[hierarchy.elements.get(source).polygon as usize].emission.mean();
-        let radiosity = hierarchy.light.radiosity(source).mean() - (1.0 - thresholds.emission) * emission;
+        let radiosity = [hierarchy.light.radiosity(source).mean(), emission];
         match bf_refinement(sight, link.form_factor, radiosity, areas, thresholds, probe) {
             Decision::SplitReceiver if hierarchy.split(receiver, evaluator, probe) => {
                 list.swap_remove(at);
