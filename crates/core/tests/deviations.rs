@@ -55,7 +55,7 @@ fn patch(polygon: &Polygon) -> Patch<'_> {
 
 /// D22: what a block covers of the floor is dark, and the paper's mean over the element takes that from the open part:
 /// of the light of a closed box, 1.5 % end where nobody sees them, and 0.005 % where covered parts are left out. Would catch
-/// exposures that are not measured or not used, and a balance that books the loss elsewhere.
+/// open shares that are not measured or not used, and a balance that books the loss elsewhere.
 #[test]
 fn d22_covered_parts_swallow_light_unless_they_are_left_out() {
     let mut input = empty();

@@ -69,8 +69,8 @@ fn gathered(scene: &Scene, hierarchy: &Hierarchy) -> Hierarchy {
         for (index, element) in elements.as_slice().iter().enumerate() {
             let own: Rgb =
                 links.of(ElementId(index as u32)).iter().map(|l| light.radiosity(l.source) * l.weight()).sum();
-            let exposure = light.exposure(ElementId(index as u32));
-            let open = if exposure > 0.0 { own / exposure } else { Rgb::ZERO };
+            let open_share = light.open_share(ElementId(index as u32));
+            let open = if open_share > 0.0 { own / open_share } else { Rgb::ZERO };
             arriving[index] = open + element.parent.some().map_or(Rgb::ZERO, |parent| arriving[parent.index()]);
         }
         let leaves: Vec<(ElementId, Rgb)> = elements.leaves().map(|leaf| (leaf, arriving[leaf.index()])).collect();

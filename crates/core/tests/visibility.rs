@@ -7,7 +7,7 @@ mod bsp_scenes;
 use bsp_scenes::*;
 use isolux_core::DVec3;
 use isolux_core::kernels::visibility::{
-    Blocker, Rays, Sampling, Weighting, exposure, point_visibility, sight, visibility, visibility_ray_by_ray,
+    Blocker, Rays, Sampling, Weighting, open_share, point_visibility, sight, visibility, visibility_ray_by_ray,
 };
 use isolux_core::kernels::{Counts, NoProbe, Patch};
 use isolux_core::sampling::Stream;
@@ -413,22 +413,22 @@ fn visibility_of_neighbours_is_the_share_of_their_exchange() {
     }
 }
 
-/// Catches exposures that count rays in place of area, or take the inside of a block for open: the rim's share of the
+/// Catches open shares that count rays in place of area, or take the inside of a block for open: the rim's share of the
 /// floor, on average over seeds, and 1 for the wall, the top of the block, and everything where nothing stands.
 #[test]
-fn exposure_is_the_open_share() {
+fn the_open_share_is_what_nothing_covers() {
     for width in [0.5, 0.2, 0.1] {
         let (open, blocked) = rim(width);
         let (bare, bsp) = (tree(&open, InsertionOrder::AsGiven), tree(&blocked, InsertionOrder::AsGiven));
         let floor = patch(&blocked.polygons[0]);
         let (mut sum, mut squares) = (0.0, 0.0);
         for seed in 0..2000_u64 {
-            let share = exposure(&bsp, &blocked, &floor, seed, &mut NoProbe);
+            let share = open_share(&bsp, &blocked, &floor, seed, &mut NoProbe);
             sum += share;
             squares += share * share;
             if seed < 50 {
-                assert_eq!(exposure(&bsp, &blocked, &patch(&blocked.polygons[1]), seed, &mut NoProbe), 1.0);
-                assert_eq!(exposure(&bare, &open, &patch(&open.polygons[0]), seed, &mut NoProbe), 1.0);
+                assert_eq!(open_share(&bsp, &blocked, &patch(&blocked.polygons[1]), seed, &mut NoProbe), 1.0);
+                assert_eq!(open_share(&bare, &open, &patch(&open.polygons[0]), seed, &mut NoProbe), 1.0);
             }
         }
         let mean = sum / 2000.0;

@@ -208,7 +208,7 @@ pub(crate) fn write(solution: &Solution) -> Record {
     arrays.push(flat_array("elements/path", Data::U64(nodes.iter().map(|node| node.path.to_bits()).collect())));
     arrays.push(rgb_array("elements/radiosity", light.radiosities().iter().copied()));
     arrays.push(rgb_array("elements/irradiance", light.irradiances().iter().copied()));
-    arrays.push(flat_array("elements/exposure", Data::F64(light.exposures().to_vec())));
+    arrays.push(flat_array("elements/open_share", Data::F64(light.open_shares().to_vec())));
     arrays.push(rgb_array("mesh/irradiance", solution.vertex_irradiance.iter().copied()));
     arrays.push(u32_array("links/receiver", links.iter().map(|(receiver, _)| receiver.0)));
     arrays.push(u32_array("links/source", links.iter().map(|(_, link)| link.source.0)));
@@ -509,9 +509,9 @@ fn read_hierarchy(scene: &Scene, shelf: &mut Shelf) -> Result<Hierarchy, RecordE
     elements.check().map_err(|violation| inconsistent("elements", violation.to_string()))?;
     let radiosity = shelf.rgb("elements/radiosity", count)?;
     let irradiance = shelf.rgb("elements/irradiance", count)?;
-    let exposure = shelf.f64("elements/exposure", &[])?;
-    same_length("elements/exposure", exposure.len(), count)?;
-    let light = Light::from_values(radiosity, irradiance, exposure);
+    let open_share = shelf.f64("elements/open_share", &[])?;
+    same_length("elements/open_share", open_share.len(), count)?;
+    let light = Light::from_values(radiosity, irradiance, open_share);
     light.check(scene, &elements).map_err(|violation| inconsistent("elements", violation.to_string()))?;
     let form_factor = shelf.f64("links/form_factor", &[])?;
     let visibility = shelf.f32("links/visibility", &[])?;

@@ -94,8 +94,8 @@ fn relative_change(hierarchy: &Hierarchy, means: &[(ElementId, Rgb)]) -> f64 {
     let (mut square, mut sum, mut area) = (0.0, 0.0, 0.0);
     for &(leaf, irradiance) in means {
         let weight = hierarchy.elements.get(leaf).area;
-        let weight = weight * hierarchy.light.exposure(leaf);
-        let open = hierarchy.light.irradiance(leaf).mean() / hierarchy.light.exposure(leaf).max(f64::MIN_POSITIVE);
+        let weight = weight * hierarchy.light.open_share(leaf);
+        let open = hierarchy.light.irradiance(leaf).mean() / hierarchy.light.open_share(leaf).max(f64::MIN_POSITIVE);
         let change = irradiance.mean() - open;
         square += weight * change * change;
         sum += weight * irradiance.mean();

@@ -3,7 +3,7 @@
 
 use crate::kernels::Probe;
 use crate::kernels::form_factor::{FormFactor, exchange_area};
-use crate::kernels::visibility::{Blocker, Covered, Sampling, Sight, exposure, sight};
+use crate::kernels::visibility::{Blocker, Covered, Sampling, Sight, open_share, sight};
 use crate::sampling::mix;
 use crate::scene::Scene;
 use crate::tree::{Bsp, ElementId, Elements};
@@ -47,12 +47,12 @@ impl Evaluator<'_> {
 
     /// Share of an element that nothing covers, in `[0, 1]`.
     #[must_use]
-    pub fn exposure<P: Probe>(&self, elements: &Elements, id: ElementId, probe: &mut P) -> f64 {
+    pub fn open_share<P: Probe>(&self, elements: &Elements, id: ElementId, probe: &mut P) -> f64 {
         match self.covered {
             Covered::Counted => 1.0,
             Covered::LeftOut => {
                 let seed = mix(mix(self.seed ^ elements.get(id).path.to_bits()));
-                exposure(self.bsp, self.scene, &elements.patch(id), seed, probe)
+                open_share(self.bsp, self.scene, &elements.patch(id), seed, probe)
             }
         }
     }

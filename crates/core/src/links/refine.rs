@@ -31,8 +31,8 @@ impl Hierarchy {
         self.elements.split(id);
         self.links.grow(self.elements.len());
         let first = self.elements.get(id).first_child.0;
-        let exposure = [0, 1, 2, 3].map(|k| evaluator.exposure(&self.elements, ElementId(first + k), probe));
-        self.light.adopt(id, exposure);
+        let open_share = [0, 1, 2, 3].map(|k| evaluator.open_share(&self.elements, ElementId(first + k), probe));
+        self.light.adopt(id, open_share);
         true
     }
 }

@@ -4,7 +4,7 @@
 use super::trace::trace;
 use super::{Flow, Observer, Phase, Progress, Watch};
 use crate::kernels::Probe;
-use crate::kernels::visibility::is_exposed;
+use crate::kernels::visibility::is_open;
 use crate::links::Hierarchy;
 use crate::sampling::{Stream, mix};
 use crate::scene::Scene;
@@ -64,7 +64,7 @@ pub fn balance<P: Probe>(
         elements.leaves().filter(|&leaf| active[elements.get(leaf).polygon as usize]).collect();
     let leaving: Vec<f64> = leaves
         .iter()
-        .map(|&leaf| light.radiosity(leaf).mean() * elements.get(leaf).area * light.exposure(leaf))
+        .map(|&leaf| light.radiosity(leaf).mean() * elements.get(leaf).area * light.open_share(leaf))
         .collect();
     let total: f64 = leaving.iter().sum();
     let absorbed = leaves
@@ -87,7 +87,7 @@ pub fn balance<P: Probe>(
     }
     for &leaf in &leaves {
         let element = elements.get(leaf);
-        let covered = element.area * (1.0 - light.exposure(leaf));
+        let covered = element.area * (1.0 - light.open_share(leaf));
         balance.lost_to_backs += scene.polygons[element.polygon as usize].emission * covered;
     }
     let emitted_into_cover = balance.lost_to_backs.mean();
@@ -118,9 +118,9 @@ pub fn balance<P: Probe>(
                 Some(ending) if ending.side.is_some_and(|side| active[side as usize]) => break None,
                 // Only open parts send light: from a covered point, try another one.
                 Some(_)
-                    if light.exposure(leaves[at]) < 1.0
+                    if light.open_share(leaves[at]) < 1.0
                         && attempt < MOST_ATTEMPTS
-                        && !is_exposed(bsp, scene, origin, plane.normal, &mut stream, probe) => {}
+                        && !is_open(bsp, scene, origin, plane.normal, &mut stream, probe) => {}
                 Some(_) => break Some(&mut balance.lost_to_backs),
             }
         };
@@ -135,7 +135,7 @@ pub fn balance<P: Probe>(
     Some(balance)
 }
 
-/// Sums of `F V` over the links of a leaf and its ancestors, per exposure: in a closed scene, 1 everywhere.
+/// Sums of `F V` over the links of a leaf and its ancestors, per open share: in a closed scene, 1 everywhere.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RowSums {
     /// Largest sum and its leaf.
@@ -157,11 +157,11 @@ pub fn row_sums(hierarchy: &Hierarchy, active: &[bool]) -> Option<RowSums> {
     for (index, element) in elements.as_slice().iter().enumerate() {
         let id = ElementId(index as u32);
         let above = element.parent.some().map_or(0.0, |parent| sums[parent.index()]);
-        let exposure = light.exposure(id);
+        let open_share = light.open_share(id);
         let own: f64 = links.of(id).iter().map(super::super::links::Link::weight).sum();
-        let sum = above + if exposure > 0.0 { own / exposure } else { 0.0 };
+        let sum = above + if open_share > 0.0 { own / open_share } else { 0.0 };
         sums[index] = sum;
-        if !elements.is_leaf(id) || !active[element.polygon as usize] || exposure == 0.0 {
+        if !elements.is_leaf(id) || !active[element.polygon as usize] || open_share == 0.0 {
             continue;
         }
         let record = found.get_or_insert(RowSums { largest: (sum, id), smallest: (sum, id), mean: 0.0 });
@@ -171,8 +171,8 @@ pub fn row_sums(hierarchy: &Hierarchy, active: &[bool]) -> Option<RowSums> {
         if sum < record.smallest.0 {
             record.smallest = (sum, id);
         }
-        record.mean += sum * element.area * exposure;
-        area += element.area * exposure;
+        record.mean += sum * element.area * open_share;
+        area += element.area * open_share;
     }
     found.map(|record| RowSums { mean: record.mean / area, ..record })
 }

@@ -3,7 +3,7 @@
 
 use super::{Flow, Gathered, Light, SurfaceMesh, Watch};
 use crate::kernels::NoProbe;
-use crate::kernels::visibility::is_exposed;
+use crate::kernels::visibility::is_open;
 use crate::links::Evaluator;
 use crate::sampling::{Stream, mix};
 use crate::scene::{Corners, Scene};
@@ -334,7 +334,7 @@ impl<'a> SmoothPlan<'a> {
         let mut covered = vec![false; self.sites.len()];
         let scene = self.builder.scene;
         for (index, (leaf, vertices)) in self.leaves.iter().enumerate() {
-            if light.exposure(*leaf) >= 1.0 {
+            if light.open_share(*leaf) >= 1.0 {
                 continue;
             }
             let sites = vertices.iter().map(|&(site, _)| site as usize).chain([self.centres + index]);
@@ -342,7 +342,7 @@ impl<'a> SmoothPlan<'a> {
                 let Site { position, leaf } = self.sites[site];
                 let normal = scene.polygons[self.builder.elements.get(leaf).polygon as usize].plane.normal;
                 let mut stream = Stream::new(mix(evaluator.seed ^ site as u64));
-                covered[site] = !is_exposed(evaluator.bsp, scene, position, normal, &mut stream, &mut NoProbe);
+                covered[site] = !is_open(evaluator.bsp, scene, position, normal, &mut stream, &mut NoProbe);
             }
         }
         covered

@@ -26,24 +26,24 @@ pub struct Light {
     next: Vec<Rgb>,
     irradiance: Vec<Rgb>,
     /// Share that nothing covers.
-    exposure: Vec<f64>,
+    open_share: Vec<f64>,
 }
 
 impl Light {
-    /// Starts from emission: `B = E`, `H = 0`. `exposure`: the share of each element that nothing covers.
+    /// Starts from emission: `B = E`, `H = 0`. `open_share`: the share of each element that nothing covers.
     #[must_use]
-    pub fn emitted(scene: &Scene, elements: &Elements, exposure: Vec<f64>, update: Update) -> Light {
+    pub fn emitted(scene: &Scene, elements: &Elements, open_share: Vec<f64>, update: Update) -> Light {
         let radiosity: Vec<Rgb> =
             elements.as_slice().iter().map(|element| scene.polygons[element.polygon as usize].emission).collect();
         let next = if update == Update::Jacobi { radiosity.clone() } else { Vec::new() };
         let irradiance = vec![Rgb::ZERO; radiosity.len()];
-        Light { update, next, irradiance, radiosity, exposure }
+        Light { update, next, irradiance, radiosity, open_share }
     }
 
     /// From stored values, one per element.
     #[must_use]
-    pub fn from_values(radiosity: Vec<Rgb>, irradiance: Vec<Rgb>, exposure: Vec<f64>) -> Light {
-        Light { update: Update::InPlace, radiosity, next: Vec::new(), irradiance, exposure }
+    pub fn from_values(radiosity: Vec<Rgb>, irradiance: Vec<Rgb>, open_share: Vec<f64>) -> Light {
+        Light { update: Update::InPlace, radiosity, next: Vec::new(), irradiance, open_share }
     }
 
     /// Radiosity that others see, W/m² or lm/m².
@@ -60,14 +60,14 @@ impl Light {
 
     /// Share of the element that nothing covers, in `[0, 1]`.
     #[must_use]
-    pub fn exposure(&self, id: ElementId) -> f64 {
-        self.exposure[id.index()]
+    pub fn open_share(&self, id: ElementId) -> f64 {
+        self.open_share[id.index()]
     }
 
-    /// All exposures, by element.
+    /// All open shares, by element.
     #[must_use]
-    pub fn exposures(&self) -> &[f64] {
-        &self.exposure
+    pub fn open_shares(&self) -> &[f64] {
+        &self.open_share
     }
 
     /// All radiosities, by element.
@@ -83,9 +83,9 @@ impl Light {
     }
 
     /// Takes in the four children that were appended to the elements when `parent` was split: they have its values, and
-    /// exposures of their own.
-    pub fn adopt(&mut self, parent: ElementId, exposure: [f64; 4]) {
-        self.exposure.extend(exposure);
+    /// open shares of their own.
+    pub fn adopt(&mut self, parent: ElementId, open_share: [f64; 4]) {
+        self.open_share.extend(open_share);
         for values in [&mut self.radiosity, &mut self.irradiance, &mut self.next] {
             if let Some(&value) = values.get(parent.index()) {
                 values.extend([value; 4]);
@@ -94,11 +94,11 @@ impl Light {
     }
 
     /// The open part of a leaf of `polygon` receives `open` on average, W/m² or lm/m²: `B = E + rho open`, and
-    /// `H = exposure open`. Where nothing is open, nothing arrives.
+    /// `H = s open` with the open share s. Where nothing is open, nothing arrives.
     pub fn settle(&mut self, id: ElementId, polygon: &Polygon, open: Rgb) {
-        let exposure = self.exposure[id.index()];
-        let open = if exposure > 0.0 { open } else { Rgb::ZERO };
-        self.set(id, open * exposure, polygon.emission + polygon.reflectance * open);
+        let open_share = self.open_share[id.index()];
+        let open = if open_share > 0.0 { open } else { Rgb::ZERO };
+        self.set(id, open * open_share, polygon.emission + polygon.reflectance * open);
     }
 
     fn set(&mut self, id: ElementId, irradiance: Rgb, radiosity: Rgb) {
@@ -106,17 +106,17 @@ impl Light {
         self.fresh()[id.index()] = radiosity;
     }
 
-    /// Pulls the means of the children up into their parent: irradiance and exposure weighted by area (D17), radiosity by
+    /// Pulls the means of the children up into their parent: irradiance and open share weighted by area (D17), radiosity by
     /// open area. Equal children give exactly their value.
     pub fn pull(&mut self, parent: ElementId, elements: &Elements) {
         let area = elements.get(parent).area;
         let Some(first) = elements.get(parent).first_child.some() else { return };
-        let base = self.exposure[first.index()];
-        let exposure = elements
+        let base = self.open_share[first.index()];
+        let open_share = elements
             .children(parent)
-            .fold(base, |sum, child| sum + (self.exposure[child.index()] - base) * (elements.get(child).area / area));
+            .fold(base, |sum, child| sum + (self.open_share[child.index()] - base) * (elements.get(child).area / area));
         let open: Vec<f64> =
-            elements.children(parent).map(|child| elements.get(child).area * self.exposure[child.index()]).collect();
+            elements.children(parent).map(|child| elements.get(child).area * self.open_share[child.index()]).collect();
         let open_area: f64 = open.iter().sum();
         let mean = |values: &[Rgb], weight: &dyn Fn(usize, ElementId) -> f64| {
             let base = values[first.index()];
@@ -125,12 +125,12 @@ impl Light {
         };
         let by_area = |_, child| elements.get(child).area / area;
         let irradiance = mean(&self.irradiance, &by_area);
-        let radiosity = if exposure < 1.0 && open_area > 0.0 {
+        let radiosity = if open_share < 1.0 && open_area > 0.0 {
             mean(self.fresh(), &|k, _| open[k] / open_area)
         } else {
             mean(self.fresh(), &by_area)
         };
-        self.exposure[parent.index()] = exposure;
+        self.open_share[parent.index()] = open_share;
         self.irradiance[parent.index()] = irradiance;
         self.fresh()[parent.index()] = radiosity;
     }
@@ -147,7 +147,7 @@ impl Light {
     pub fn total(&self, elements: &Elements) -> Rgb {
         (0..elements.roots() as u32)
             .map(ElementId)
-            .map(|root| self.radiosity(root) * (elements.get(root).area * self.exposure(root)))
+            .map(|root| self.radiosity(root) * (elements.get(root).area * self.open_share(root)))
             .sum()
     }
 
@@ -158,38 +158,38 @@ impl Light {
         }
     }
 
-    /// Checks the invariants of a finished solution: one finite, not negative value per element; exposures in `[0, 1]`;
-    /// leaves fulfil `B = E + rho H / exposure` (and are dark where that is 0); parents have the means of their children,
+    /// Checks the invariants of a finished solution: one finite, not negative value per element; open shares in `[0, 1]`;
+    /// leaves fulfil `B = E + rho H / s` with the open share s (and are dark where that is 0); parents have the means of their children,
     /// weighted by area or, their radiosities, by open area; all to rounding.
     ///
     /// # Errors
     /// The first violation.
     pub fn check(&self, scene: &Scene, elements: &Elements) -> Result<(), LightViolation> {
-        let lengths = [self.radiosity.len(), self.irradiance.len(), self.exposure.len()];
+        let lengths = [self.radiosity.len(), self.irradiance.len(), self.open_share.len()];
         if lengths.iter().any(|&length| length != elements.len()) {
             return Err(LightViolation { element: ElementId::NONE, what: "one value per element" });
         }
         for id in (0..elements.len() as u32).map(ElementId) {
             let fail = |what| Err(LightViolation { element: id, what });
-            let (radiosity, irradiance, exposure) = (self.radiosity(id), self.irradiance(id), self.exposure(id));
+            let (radiosity, irradiance, open_share) = (self.radiosity(id), self.irradiance(id), self.open_share(id));
             if !(radiosity.is_finite() && irradiance.is_finite())
                 || radiosity.min_component().min(irradiance.min_component()) < 0.0
             {
                 return fail("values are finite and not negative");
             }
             // Means of four areas that add up to 1e-9, see `Elements::check`.
-            if !(0.0..=1.0 + 1e-9).contains(&exposure) {
-                return fail("exposures lie between 0 and 1");
+            if !(0.0..=1.0 + 1e-9).contains(&open_share) {
+                return fail("open shares lie between 0 and 1");
             }
             let (expected, what) = if elements.is_leaf(id) {
                 let polygon = &scene.polygons[elements.get(id).polygon as usize];
-                if exposure == 0.0 && irradiance != Rgb::ZERO {
+                if open_share == 0.0 && irradiance != Rgb::ZERO {
                     return fail("no light falls on a covered leaf");
                 }
-                let open = if exposure > 0.0 { irradiance / exposure } else { Rgb::ZERO };
-                (polygon.emission + polygon.reflectance * open, "leaves fulfil B = E + rho H / exposure")
+                let open = if open_share > 0.0 { irradiance / open_share } else { Rgb::ZERO };
+                (polygon.emission + polygon.reflectance * open, "leaves fulfil B = E + rho H / s")
             } else {
-                let weight = |child| elements.get(child).area * self.exposure(child);
+                let weight = |child| elements.get(child).area * self.open_share(child);
                 let weights: f64 = elements.children(id).map(weight).sum();
                 let sum: Rgb = elements.children(id).map(|child| self.radiosity(child) * weight(child)).sum();
                 let mean = if weights > 0.0 { sum / weights } else { radiosity };

@@ -81,7 +81,7 @@ pub struct Iteration {
 /// time in SPLASH-2's run of its room.
 const FIRST_ITERATION_SHARE: f64 = 0.75;
 
-/// Largest sum of `F V / exposure` of an element that something covers. It should be 1 at most, but is made of estimates;
+/// Largest sum of `F V / s`, s the open share, of an element that something covers. It should be 1 at most, but is made of estimates;
 /// without any cover, sums reach 2.0 to 2.3 in single elements of the room and the Cornell box. A bound of 1 would take
 /// the excess of single elements away and leave what others miss: the room then loses 8 % of its light.
 const MOST_OPENNESS: f64 = 2.0;
@@ -139,8 +139,8 @@ impl<'a, P: Probe + Default> Solver<'a, P> {
         let evaluator = Evaluator { scene, bsp, form_factor, sampling, covered, seed };
         let mut probe = P::default();
         let roots = (0..elements.len() as u32).map(ElementId);
-        let exposure = roots.map(|root| evaluator.exposure(&elements, root, &mut probe)).collect();
-        let light = Light::emitted(scene, &elements, exposure, parameters.update);
+        let open_share = roots.map(|root| evaluator.open_share(&elements, root, &mut probe)).collect();
+        let light = Light::emitted(scene, &elements, open_share, parameters.update);
         Solver {
             evaluator,
             parameters,
@@ -368,9 +368,9 @@ impl<'a, P: Probe + Default> Solver<'a, P> {
             own.irradiance += self.hierarchy.light.radiosity(link.source) * weight;
             own.openness += weight;
         }
-        let exposure = self.hierarchy.light.exposure(id);
-        if exposure < 1.0 {
-            let open = if exposure > 0.0 { 1.0 / exposure } else { 0.0 };
+        let open_share = self.hierarchy.light.open_share(id);
+        if open_share < 1.0 {
+            let open = if open_share > 0.0 { 1.0 / open_share } else { 0.0 };
             own = Arriving { irradiance: own.irradiance * open, openness: own.openness * open, partly: true };
         }
         Arriving {
@@ -380,7 +380,7 @@ impl<'a, P: Probe + Default> Solver<'a, P> {
         }
     }
 
-    /// Where something covers the element or an ancestor, both its exposure and its visibilities are estimates, and their
+    /// Where something covers the element or an ancestor, both its open share and its visibilities are estimates, and their
     /// ratio may say that the open part sees its hemisphere many times: then what arrives is scaled down.
     fn settle_leaf(&mut self, id: ElementId, arriving: Arriving) {
         let polygon = &self.evaluator.scene.polygons[self.hierarchy.elements.get(id).polygon as usize];
@@ -463,7 +463,7 @@ impl<'a, P: Probe + Default> Solver<'a, P> {
 #[derive(Clone, Copy, Debug, Default)]
 struct Arriving {
     irradiance: Rgb,
-    /// Sum of `F V / exposure`.
+    /// Sum of `F V` per open share.
     openness: f64,
     /// Is one of them partly covered?
     partly: bool,

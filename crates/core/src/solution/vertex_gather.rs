@@ -35,7 +35,7 @@ pub struct Gathered {
 ///
 /// - F(x, j): closed-form factor from the point to the source, which the horizon clips; its sum over sources that close
 ///   the surroundings is exactly 1, whatever their sizes
-/// - V_j: the link's visibility where that is proven, per exposure of its receiver; else as `shadows` says
+/// - V_j: the link's visibility where that is proven, per open share of its receiver; else as `shadows` says
 /// - B_j: radiosity of the source, W/m² or lm/m²
 ///
 /// Source: Lischinski, Tampieri, Greenberg 1993, "Combining hierarchical radiosity and discontinuity meshing" (the
@@ -52,7 +52,7 @@ pub fn irradiance_at_site<P: Probe>(
     let (mut sum, mut openness) = (Rgb::ZERO, 0.0);
     let mut at = site.leaf;
     while at != ElementId::NONE {
-        let exposure = light.exposure(at);
+        let open_share = light.open_share(at);
         for link in links.of(at) {
             let Some(sight) = link.sight() else { continue };
             let radiosity = light.radiosity(link.source);
@@ -71,8 +71,8 @@ pub fn irradiance_at_site<P: Probe>(
                 let seed = names.into_iter().fold(evaluator.seed, |seed, name| mix(seed ^ name.to_bits()));
                 let seed = site.position.to_array().into_iter().fold(seed, |seed, x| mix(seed ^ x.to_bits()));
                 point_visibility(evaluator.bsp, evaluator.scene, site.position, receiver.plane, &source, seed, probe)
-            } else if exposure < 1.0 {
-                (sight.share / exposure).min(1.0)
+            } else if open_share < 1.0 {
+                (sight.share / open_share).min(1.0)
             } else {
                 sight.share
             };

@@ -5,12 +5,12 @@
 //! all rays of the pair as one beam (1.8); `docs/theory/visibility.md` has the rules and the table. The beam is
 //! [`visibility`]; the other is kept as [`visibility_ray_by_ray`].
 
-mod exposure;
 mod flow;
+mod open_share;
 mod point;
 mod sample;
 
-pub use exposure::{exposure, is_exposed};
+pub use open_share::{is_open, open_share};
 pub use point::point_visibility;
 pub(crate) use sample::SplitMix64;
 
@@ -55,7 +55,7 @@ pub enum Covered {
     /// They count as any other part, as in the paper: the element is as bright as all of it is on average, hidden parts
     /// included.
     Counted,
-    /// They are [measured](exposure) and left out: the element is as bright as its open part.
+    /// They are [measured](open_share) and left out: the element is as bright as its open part.
     #[default]
     LeftOut,
 }

@@ -1,4 +1,4 @@
-//! Exposure of a patch: a patch and a tree go in, the share of it that nothing covers comes out.
+//! Open share of a patch: a patch and a tree go in, the share of it that nothing covers comes out.
 
 use super::sample::{self, SUB_ELEMENTS, SplitMix64};
 use crate::kernels::{Patch, Probe};
@@ -11,7 +11,7 @@ use glam::DVec3;
 /// passes for covered with a probability of 0.92, through a tenth with 0.43, through a half with 0.4 %.
 const ATTEMPTS: usize = 8;
 
-/// Share of a patch that nothing covers: `k / 16` for the k of 16 points that are [exposed](is_exposed).
+/// Share of a patch that nothing covers: `k / 16` for the k of 16 points that are [open](is_open).
 ///
 /// - `patch`: planar and convex, corners counter-clockwise seen from the front
 /// - `seed` chooses the points, one in each of the 16 sub-elements, and the directions
@@ -19,19 +19,19 @@ const ATTEMPTS: usize = 8;
 /// Source: none; ours. An element that a cabinet stands on is dark where it is covered, but from there it sends no light
 /// either: what others see of it is as bright as its open part.
 ///
-/// Error: an estimate, with a standard deviation of at most 1/8 (`exposure_is_the_open_share`). Exactly 1 where
+/// Error: an estimate, with a standard deviation of at most 1/8 (`the_open_share_is_what_nothing_covers`). Exactly 1 where
 /// nothing is near.
-pub fn exposure<P: Probe>(bsp: &Bsp, scene: &Scene, patch: &Patch, seed: u64, probe: &mut P) -> f64 {
+pub fn open_share<P: Probe>(bsp: &Bsp, scene: &Scene, patch: &Patch, seed: u64, probe: &mut P) -> f64 {
     let mut random = SplitMix64::new(seed);
     let points = sample::points(patch.corners, &mut random);
     let mut stream = Stream::new(random.next());
-    let open = points.iter().filter(|&&point| is_exposed(bsp, scene, point, patch.plane.normal, &mut stream, probe));
+    let open = points.iter().filter(|&&point| is_open(bsp, scene, point, patch.plane.normal, &mut stream, probe));
     open.count() as f64 / SUB_ELEMENTS as f64
 }
 
 /// Does a point of a surface see anything but black backs: one of 8 rays, distributed by the cosine, leaves the scene or
 /// ends on something that can be lit? Points inside or beneath a closed object do not.
-pub fn is_exposed<P: Probe>(
+pub fn is_open<P: Probe>(
     bsp: &Bsp,
     scene: &Scene,
     point: DVec3,
