@@ -43,7 +43,15 @@ impl Caches {
     #[inline]
     pub(crate) fn find(&self, processor: usize, line: u32) -> Option<usize> {
         let set = self.set(processor, line);
-        self.slots[set..set + self.ways].iter().position(|slot| slot.line == line).map(|way| set + way)
+        if self.ways == 1 {
+            return (self.slots[set].line == line).then_some(set);
+        }
+        // Without a way out of the loop: which way has the line cannot be predicted.
+        let mut found = usize::MAX;
+        for (way, slot) in self.slots[set..set + self.ways].iter().enumerate() {
+            found = if slot.line == line { way } else { found };
+        }
+        (found != usize::MAX).then(|| set + found)
     }
 
     /// The slot for a new line: a vacant one, else the one used longest ago.
