@@ -119,6 +119,8 @@ const MOST_PER_CLUSTER: i64 = 64;
 const MOST_WORDS: i64 = 32;
 /// 1 GB: beyond it, a figure in kilobytes was most likely given in bytes.
 const MOST_CACHE_BYTES: i64 = 1 << 30;
+/// Lines of all caches of a level together: slots have numbers of 32 bits, and this many take 4 GB of the host's memory.
+const MOST_LINES: i64 = 1 << 28;
 /// No machine's memory is a million clocks away; keeps sums in 64 bits.
 const MOST_CLOCKS: i64 = 1_000_000;
 const MOST_MHZ: i64 = 100_000;
@@ -174,6 +176,15 @@ impl Spec {
             Some(section) => Some(section.cache(line_bytes, first.bytes as i64)?),
             None => None,
         };
+        let processors = clusters * processors_per_cluster;
+        for (key, cache) in [("first_level.bytes", Some(first)), ("second_level.bytes", second)] {
+            if let Some(CacheSpec { bytes, .. }) = cache
+                && bytes as i64 / line_bytes > MOST_LINES / processors
+            {
+                let reason = format!("{processors} of these have more than {MOST_LINES} lines");
+                return Err(top.absurd(key, bytes as i64, reason));
+            }
+        }
         let latency =
             top.section("latency")?.ok_or_else(|| top.missing("latency"))?.latency(second.is_some(), clusters)?;
         top.done()?;

@@ -102,6 +102,16 @@ fn every_wrong_figure_is_named() {
     }
 }
 
+/// Would catch caches whose slots cannot be numbered: 8 of 1 GB can, 12 cannot.
+#[test]
+fn caches_beyond_all_bounds_are_named() {
+    let large = SOUND.replace("bytes = 4096", "bytes = 1073741824");
+    assert!(Spec::parse("mine.toml", &large).is_ok());
+    let error = Spec::parse("mine.toml", &large.replace("cluster = 2", "cluster = 3")).unwrap_err();
+    let message = "mine.toml: second_level.bytes = 1073741824: 12 of these have more than 268435456 lines";
+    assert_eq!(error.to_string(), message);
+}
+
 /// Would catch an error that does not lead to the place.
 #[test]
 fn files_that_are_no_spec_are_named() {
