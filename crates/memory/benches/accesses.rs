@@ -79,7 +79,7 @@ fn mixture(processors: usize) -> Sequence {
 fn accesses(criterion: &mut Criterion) {
     for spec in [Spec::dash().unwrap(), Spec::two_socket().unwrap()] {
         let processors = spec.processors();
-        let mut group = criterion.benchmark_group(&spec.name);
+        let mut group = criterion.benchmark_group(spec.name());
         group.throughput(Throughput::Elements(ACCESSES as u64)).sample_size(20);
         let turns = BYTES / 64 / ACCESSES as u64;
         let streams: Vec<_> = (0..turns).map(|turn| stream(processors, turn)).collect();

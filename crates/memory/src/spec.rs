@@ -7,24 +7,15 @@ use toml::{Table, Value};
 /// The figures of a machine. Only [`Spec::parse`] makes one, so that its figures make sense together.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Spec {
-    /// What the machine is called.
-    pub name: String,
-    /// Clocks per microsecond.
-    pub clock_mhz: u32,
-    /// Clusters of the whole machine, at most 64.
-    pub clusters: usize,
-    /// Processors of a cluster, at most 64.
-    pub processors_per_cluster: usize,
-    /// Bytes of a line, the same at both levels.
-    pub line_bytes: u64,
-    /// Bytes of the words by which sharing is judged true or false.
-    pub word_bytes: u64,
-    /// The cache next to the processor.
-    pub first_level: CacheSpec,
-    /// The cache behind it, which contains it.
-    pub second_level: Option<CacheSpec>,
-    /// What each level costs.
-    pub latency: Latency,
+    name: String,
+    clock_mhz: u32,
+    clusters: usize,
+    processors_per_cluster: usize,
+    line_bytes: u64,
+    word_bytes: u64,
+    first_level: CacheSpec,
+    second_level: Option<CacheSpec>,
+    latency: Latency,
 }
 
 /// A cache: its size and the ways of a set.
@@ -38,7 +29,7 @@ pub struct CacheSpec {
 
 /// Clocks for an access by the level that serves it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Latency(pub(crate) [u32; Level::ALL.len()]);
+pub struct Latency([u32; Level::ALL.len()]);
 
 impl Latency {
     /// Clocks of an access that this level serves; 0 for levels that the machine does not have.
@@ -199,6 +190,51 @@ impl Spec {
             second_level: second,
             latency,
         })
+    }
+
+    /// What the machine is called.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Clocks per microsecond.
+    pub fn clock_mhz(&self) -> u32 {
+        self.clock_mhz
+    }
+
+    /// Clusters of the whole machine, at most 64.
+    pub fn clusters(&self) -> usize {
+        self.clusters
+    }
+
+    /// Processors of a cluster, at most 64.
+    pub fn processors_per_cluster(&self) -> usize {
+        self.processors_per_cluster
+    }
+
+    /// Bytes of a line, the same at both levels.
+    pub fn line_bytes(&self) -> u64 {
+        self.line_bytes
+    }
+
+    /// Bytes of the words by which sharing is judged true or false.
+    pub fn word_bytes(&self) -> u64 {
+        self.word_bytes
+    }
+
+    /// The cache next to the processor.
+    pub fn first_level(&self) -> CacheSpec {
+        self.first_level
+    }
+
+    /// The cache behind it, which contains it.
+    pub fn second_level(&self) -> Option<CacheSpec> {
+        self.second_level
+    }
+
+    /// What each level costs.
+    pub fn latency(&self) -> Latency {
+        self.latency
     }
 
     /// Processors of the whole machine.

@@ -97,17 +97,17 @@ impl System {
     /// If the machine does not have as many.
     pub fn new(spec: &Spec, processors: usize) -> Result<System, MachineError> {
         if processors == 0 || processors > spec.processors() {
-            let machine = spec.name.clone();
+            let machine = spec.name().to_owned();
             return Err(MachineError::Processors { machine, processors, most: spec.processors() });
         }
-        let caches = |cache| Caches::new(cache, spec.line_bytes, processors);
-        let (filter, coherent, last_own) = match &spec.second_level {
-            Some(second) => (Some(caches(&spec.first_level)), caches(second), Level::Second),
-            None => (None, caches(&spec.first_level), Level::First),
+        let caches = |cache| Caches::new(cache, spec.line_bytes(), processors);
+        let (filter, coherent, last_own) = match spec.second_level() {
+            Some(second) => (Some(caches(&spec.first_level())), caches(&second), Level::Second),
+            None => (None, caches(&spec.first_level()), Level::First),
         };
-        let words = spec.line_bytes / spec.word_bytes;
-        let clusters = processors.div_ceil(spec.processors_per_cluster);
-        let line_bits = spec.line_bytes.trailing_zeros();
+        let words = spec.line_bytes() / spec.word_bytes();
+        let clusters = processors.div_ceil(spec.processors_per_cluster());
+        let line_bits = spec.line_bytes().trailing_zeros();
         Ok(System {
             // Line u32::MAX stands for none: the page that has it is not handed out.
             layout: Layout::new(clusters, (u64::from(EMPTY) << line_bits) / PAGE_BYTES * PAGE_BYTES),
@@ -116,12 +116,12 @@ impl System {
             directory: Directory::new(processors, words as usize),
             counts: Vec::new(),
             processors,
-            per_cluster: spec.processors_per_cluster,
-            cluster: (0..processors).map(|processor| (processor / spec.processors_per_cluster) as u8).collect(),
-            latency: spec.latency,
+            per_cluster: spec.processors_per_cluster(),
+            cluster: (0..processors).map(|processor| (processor / spec.processors_per_cluster()) as u8).collect(),
+            latency: spec.latency(),
             now: 0,
             line_bits,
-            word_bits: spec.word_bytes.trailing_zeros(),
+            word_bits: spec.word_bytes().trailing_zeros(),
             word_mask: words - 1,
             last_own,
         })

@@ -31,12 +31,12 @@ third_cluster = 120
 #[test]
 fn dash_has_its_published_figures() {
     let dash = Spec::dash().unwrap();
-    assert_eq!((dash.clusters, dash.processors_per_cluster, dash.processors()), (16, 4, 64));
+    assert_eq!((dash.clusters(), dash.processors_per_cluster(), dash.processors()), (16, 4, 64));
     assert_eq!(
-        (dash.line_bytes, dash.first_level, dash.second_level),
+        (dash.line_bytes(), dash.first_level(), dash.second_level()),
         (16, CacheSpec { bytes: 256 << 10, ways: 1 }, None)
     );
-    let clocks = Level::ALL.map(|level| dash.latency.clocks(level));
+    let clocks = Level::ALL.map(|level| dash.latency().clocks(level));
     assert_eq!(clocks, [1, 0, 30, 30, 100, 100, 135]);
 }
 
@@ -44,13 +44,13 @@ fn dash_has_its_published_figures() {
 #[test]
 fn two_socket_has_its_measured_figures() {
     let server = Spec::two_socket().unwrap();
-    assert_eq!((server.clusters, server.processors_per_cluster, server.line_bytes), (2, 28, 64));
-    let clocks = |nanoseconds: f64| (nanoseconds * f64::from(server.clock_mhz) / 1000.0).round() as u32;
-    assert_eq!(server.latency.clocks(Level::Neighbour), clocks(49.3));
-    assert_eq!(server.latency.clocks(Level::LocalMemory), clocks((80.8 + 81.5) / 2.0));
-    assert_eq!(server.latency.clocks(Level::RemoteMemory), clocks((140.4 + 141.6) / 2.0));
-    assert_eq!(server.latency.clocks(Level::RemoteCache), clocks((114.1 + 113.2 + 114.0 + 113.5) / 4.0));
-    assert_eq!(server.latency.clocks(Level::ThirdCluster), 0);
+    assert_eq!((server.clusters(), server.processors_per_cluster(), server.line_bytes()), (2, 28, 64));
+    let clocks = |nanoseconds: f64| (nanoseconds * f64::from(server.clock_mhz()) / 1000.0).round() as u32;
+    assert_eq!(server.latency().clocks(Level::Neighbour), clocks(49.3));
+    assert_eq!(server.latency().clocks(Level::LocalMemory), clocks((80.8 + 81.5) / 2.0));
+    assert_eq!(server.latency().clocks(Level::RemoteMemory), clocks((140.4 + 141.6) / 2.0));
+    assert_eq!(server.latency().clocks(Level::RemoteCache), clocks((114.1 + 113.2 + 114.0 + 113.5) / 4.0));
+    assert_eq!(server.latency().clocks(Level::ThirdCluster), 0);
 }
 
 /// Would catch a check that lets an absurd figure through, or blames another; each row alters one line of a sound file.
