@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used)]
 
+use isolux_machine::protocols::{DistributedQueues, ParallelQueue, Termination};
 use isolux_machine::{
     BarrierId, Condition, Home, LockId, Machine, Mark, Prefix, Processor, Region, Run, RunError, Sequence, Work,
     WorkClass,
@@ -152,6 +153,66 @@ proptest! {
             let simulated = simulate(&programs, &spec, Polling::EveryPoll);
             prop_assert_eq!(&computed.trace, &simulated.trace);
             prop_assert_eq!(&computed.run, &simulated.run);
+        }
+    }
+}
+
+/// A tree of tasks of different lengths through a queue, and its trace.
+macro_rules! queue_trace {
+    ($polling:expr, $processors:expr, $queue:expr, $put:expr, $next:expr) => {{
+        let mut machine = Simulator::new(&specs()[1], $processors, &["step"]).unwrap().traced(true).polling($polling);
+        let queue = $queue(&mut machine);
+        let open = Termination::new(&mut machine, "open", 1).unwrap();
+        let run = machine
+            .run(async |p: SimulatedProcessor| {
+                if p.id() == 0 {
+                    assert!($put(&queue, &p, 0).await);
+                }
+                while let Some([task]) = $next(&queue, &p, &open).await {
+                    let mut mine = vec![task];
+                    while let Some(task) = mine.pop() {
+                        p.charge(&Work::of(WorkClass(0), 20 + task * 7919 % 100)).await;
+                        for child in 2 * task + 1..(2 * task + 3).min(400) {
+                            open.add(&p, 1).await;
+                            if !$put(&queue, &p, child).await {
+                                mine.push(child);
+                            }
+                        }
+                        open.finish(&p).await;
+                    }
+                }
+            })
+            .unwrap();
+        (run, machine.take_trace().unwrap().to_text())
+    }};
+}
+
+/// Catches thieves and dequeuers that find work at another time than those whose every poll is simulated.
+#[test]
+fn queues_run_the_same_with_computed_polls() {
+    for processors in [1, 2, 7, 16] {
+        let [computed, simulated] = [Polling::ClosedForm, Polling::EveryPoll].map(|polling| {
+            let distributed = queue_trace!(
+                polling,
+                processors,
+                |m: &mut Simulator| DistributedQueues::<1>::new(m, "queues", 4).unwrap(),
+                async |q: &DistributedQueues<1>, p: &SimulatedProcessor, t| q.push(p, p.id(), [t]).await.is_ok(),
+                async |q: &DistributedQueues<1>, p: &SimulatedProcessor, open: &Termination| q.next(p, open).await
+            );
+            let parallel = queue_trace!(
+                polling,
+                processors,
+                |m: &mut Simulator| ParallelQueue::<1>::new(m, "queue", 16).unwrap(),
+                async |q: &ParallelQueue<1>, p: &SimulatedProcessor, t| q.enqueue(p, [t]).await.is_ok(),
+                async |q: &ParallelQueue<1>, p: &SimulatedProcessor, open: &Termination| q.next(p, open).await
+            );
+            (distributed, parallel)
+        });
+        assert!(computed == simulated, "{processors} processors");
+        let (distributed, parallel) = computed;
+        for (run, trace) in [distributed, parallel] {
+            assert_eq!(run.total_counts().work.counts()[0], (0..400).map(|t: u64| 20 + t * 7919 % 100).sum::<u64>());
+            assert!(processors == 1 || trace.contains("idle"), "nobody waited, so nothing was compared");
         }
     }
 }
