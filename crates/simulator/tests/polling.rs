@@ -190,7 +190,7 @@ macro_rules! queue_trace {
 /// Catches thieves and dequeuers that find work at another time than those whose every poll is simulated.
 #[test]
 fn queues_run_the_same_with_computed_polls() {
-    for processors in [1, 2, 7, 16] {
+    for processors in [1, 2, 7, 16, 100] {
         let [computed, simulated] = [Polling::ClosedForm, Polling::EveryPoll].map(|polling| {
             let distributed = queue_trace!(
                 polling,

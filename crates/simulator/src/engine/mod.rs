@@ -2,6 +2,7 @@
 //! and leave a clock, accounts and a trace.
 
 mod event;
+mod phases;
 mod processor;
 mod simulator;
 mod state;

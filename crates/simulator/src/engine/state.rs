@@ -113,9 +113,9 @@ const START: Mark = Mark::new(Cause::Work, "start");
 const ENDED: Mark = Mark::new(Cause::Idle, "ended");
 
 impl State {
-    /// Bytes that a processor takes here while it waits, its program's own state not included: slot, event, place among the
-    /// watchers.
-    pub(super) const PARKED_BYTES: usize = size_of::<Slot>() + 2 * size_of::<Event>() + 64;
+    /// Bytes that a processor takes here while it waits, its program's own state not included: its slot, two events, and its
+    /// entries among the watchers, once by place and three times by phase in lists of their own (less than 96 bytes each).
+    pub(super) const PARKED_BYTES: usize = size_of::<Slot>() + 2 * size_of::<Event>() + 4 * 96;
 
     /// Without words, with these costs.
     pub(super) fn new(costs: Costs) -> Self {

@@ -12,6 +12,7 @@ use isolux_machine::{Address, Condition, Sequence, Words};
 use rustc_hash::FxHashMap;
 
 use super::event::{Event, Rank, What};
+use super::phases::Phases;
 use super::time::Time;
 
 /// Events still to come, the first on top.
@@ -32,17 +33,17 @@ impl Until {
 
 /// What a group has in common; the sequence as seen from cell 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-struct Kind {
-    cells: Sequence,
-    until: Until,
-    poll: u64,
+pub(super) struct Kind {
+    pub(super) cells: Sequence,
+    pub(super) until: Until,
+    pub(super) poll: u64,
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Watcher {
-    processor: u32,
-    own: u32,
-    begin: Time,
+pub(super) struct Watcher {
+    pub(super) processor: u32,
+    pub(super) own: u32,
+    pub(super) begin: Time,
 }
 
 /// How far the sights of a lit cell are in the event queue.
@@ -55,12 +56,17 @@ struct Lit {
     batch: usize,
 }
 
+/// Rings of so many cells have their watchers kept by phase. In a smaller one many watchers share a phase.
+const RING_WITH_PHASES: usize = 4;
+
 const FIRST_BATCH: Lit = Lit { last: None, batch: 1 };
 
 #[derive(Debug)]
 struct Group {
     kind: Kind,
     watchers: Vec<Watcher>,
+    /// The same by phase, where there are several cells.
+    phases: Option<Phases>,
     lit: BTreeMap<u32, Lit>,
 }
 
@@ -92,7 +98,7 @@ pub(super) struct Watches {
 
 impl Watcher {
     /// The first poll of `cell` at `from` or later, but not the watcher's first poll of all.
-    fn next(&self, kind: &Kind, cell: u32, from: Time) -> Time {
+    pub(super) fn next(&self, kind: &Kind, cell: u32, from: Time) -> Time {
         let period = kind.cells.period() as u64;
         let ahead = kind.cells.turned(self.own as usize).turn(cell as usize) as u64;
         let least = from.0.saturating_sub(self.begin.0).div_ceil(kind.poll).max(1);
@@ -107,8 +113,27 @@ impl Group {
     fn light(&mut self, id: u32, cell: u32, from: Time, candidates: &mut Vec<(Time, u32)>, queue: &mut Queue) {
         let Some(lit) = self.lit.get_mut(&cell) else { return };
         let after = lit.last.take();
-        candidates.clear();
         let kind = self.kind;
+        candidates.clear();
+        if let Some(phases) = &self.phases {
+            // Watchers of many cells look at one at times spread over a turn: the next sights are soon, and asking time after
+            // time finds them before a pass over all does. A time costs about as much as 8 watchers.
+            let mut time = from;
+            for _ in 0..=self.watchers.len() / 8 {
+                phases.sights_at(&kind, cell, time, candidates);
+                candidates.retain(|&sight| Some(sight) > after);
+                if candidates.len() >= lit.batch {
+                    candidates.sort_unstable();
+                    candidates.dedup();
+                    lit.batch = lit.batch.saturating_mul(2);
+                    lit.last = candidates.last().copied();
+                    queue.extend(candidates.iter().map(|&(time, processor)| Reverse(sight(time, processor, id, cell))));
+                    return;
+                }
+                time = Time(time.0.saturating_add(1));
+            }
+            candidates.clear();
+        }
         candidates.extend(self.watchers.iter().filter_map(|w| {
             let sight = (w.next(&kind, cell, from), w.processor);
             (Some(sight) > after).then_some(sight)
@@ -116,7 +141,7 @@ impl Group {
         if candidates.len() > lit.batch {
             candidates.select_nth_unstable(lit.batch);
             candidates.truncate(lit.batch);
-            lit.batch *= 2;
+            lit.batch = lit.batch.saturating_mul(2);
         }
         lit.last = candidates.iter().copied().max();
         queue.extend(candidates.iter().map(|&(time, processor)| Reverse(sight(time, processor, id, cell))));
@@ -154,6 +179,9 @@ impl Watches {
         let watcher = Watcher { processor, own: cells.own() as u32, begin };
         self.places[processor as usize] = Some((id, group.watchers.len()));
         group.watchers.push(watcher);
+        if let Some(phases) = &mut group.phases {
+            phases.add(&kind, watcher);
+        }
         for (&cell, lit) in &mut group.lit {
             let time = watcher.next(&kind, cell, begin);
             if lit.last.is_none_or(|last| (time, processor) < last) {
@@ -167,7 +195,8 @@ impl Watches {
         let fulfilled = |k: usize| words.get(kind.cells.at(k)).is_some_and(|w| kind.until.ends(w));
         let cells = 0..kind.cells.period();
         let lit = cells.filter(|&cell| fulfilled(kind.cells.turn(cell))).map(|cell| (cell as u32, FIRST_BATCH));
-        let group = Group { kind, watchers: vec![], lit: lit.collect() };
+        let phases = (kind.cells.ring() >= RING_WITH_PHASES).then(Phases::default);
+        let group = Group { kind, watchers: vec![], phases, lit: lit.collect() };
         let id = match self.unused.pop() {
             Some(id) => {
                 self.groups[id as usize] = group;
@@ -235,9 +264,12 @@ impl Watches {
 
     fn leave(&mut self, processor: u32) {
         if let Some((id, place)) = self.places[processor as usize].take() {
-            let watchers = &mut self.groups[id as usize].watchers;
-            watchers.swap_remove(place);
-            if let Some(moved) = watchers.get(place) {
+            let group = &mut self.groups[id as usize];
+            let watcher = group.watchers.swap_remove(place);
+            if let Some(phases) = &mut group.phases {
+                phases.remove(&group.kind, &watcher);
+            }
+            if let Some(moved) = group.watchers.get(place) {
                 self.places[moved.processor as usize] = Some((id, place));
             }
         }
