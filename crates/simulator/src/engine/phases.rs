@@ -113,7 +113,7 @@ mod tests {
                     let looks = |w: &&Watcher| {
                         let since = time - w.begin.0;
                         let k = (since / poll) as usize % cells.period();
-                        since % poll == 0 && cells.turned(w.own as usize).at(k) == at
+                        since.is_multiple_of(poll) && cells.turned(w.own as usize).at(k) == at
                     };
                     let expected: Vec<_> = watchers.iter().filter(looks).map(|w| (Time(time), w.processor)).collect();
                     let mut found = vec![];
