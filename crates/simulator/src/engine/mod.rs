@@ -1,0 +1,15 @@
+//! The discrete-event executor: futures of processors go in, are resumed as their operations take effect in simulated time,
+//! and leave a clock, accounts and a trace.
+
+mod event;
+mod phases;
+mod processor;
+mod simulator;
+mod state;
+mod time;
+mod trace;
+mod watch;
+
+pub use processor::SimulatedProcessor;
+pub use simulator::{Polling, Simulator};
+pub use trace::{Interval, Trace};

@@ -1,0 +1,169 @@
+//! The machine: programs are started, resumed as events happen, and their accounts closed.
+
+use std::cell::RefCell;
+use std::future::Future;
+use std::rc::Rc;
+use std::task::{Context, Poll, Waker};
+
+use isolux_machine::{
+    Address, BarrierId, ClockUnit, Fault, Home, Layout, LockId, Machine, MemoryError, Region, Run, RunError,
+    check_request,
+};
+
+use super::processor::SimulatedProcessor;
+use super::state::{Costs, State};
+use super::trace::Trace;
+use crate::spec::{Spec, SpecError};
+
+/// How waiting is simulated. Both give the same run, to the unit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Polling {
+    /// Polls that find nothing are computed: a processor that waits costs no events.
+    ClosedForm,
+    /// Every poll is an event. Slow; there to check the other.
+    EveryPoll,
+}
+
+/// A simulated machine with uniform access to its words.
+#[derive(Debug)]
+pub struct Simulator {
+    layout: Layout,
+    count: usize,
+    locks: u32,
+    barriers: u32,
+    traced: bool,
+    state: Rc<RefCell<State>>,
+}
+
+impl Simulator {
+    /// Bytes that a waiting processor takes, the state of its program (its future) not included.
+    pub const PARKED_BYTES: usize = State::PARKED_BYTES;
+
+    /// A machine of these figures with so many processors and these classes of work, each of which needs a figure.
+    ///
+    /// # Errors
+    ///
+    /// Names the file and the figure that is missing, or what is wrong with number or classes.
+    pub fn new(spec: &Spec, processors: usize, classes: &[&str]) -> Result<Self, SpecError> {
+        check_request(processors, spec.processors_max, classes)
+            .map_err(|source| SpecError::Machine { file: spec.file.clone(), source })?;
+        let costs = Costs {
+            load: spec.load,
+            store: spec.store,
+            prefix: spec.prefix,
+            spin: spec.spin,
+            scan: spec.scan,
+            take: spec.take,
+            give: spec.give,
+            barrier: spec.barrier(processors),
+            work: classes.iter().map(|class| spec.work(class)).collect::<Result<_, _>>()?,
+        };
+        let state = Rc::new(RefCell::new(State::new(costs)));
+        Ok(Self { layout: Layout::default(), count: processors, locks: 0, barriers: 0, traced: false, state })
+    }
+
+    /// Whether runs are traced from here on. A trace takes 56 bytes for each stretch of time.
+    #[must_use]
+    pub fn traced(mut self, traced: bool) -> Self {
+        self.traced = traced;
+        self
+    }
+
+    /// How waiting is simulated from here on.
+    #[must_use]
+    pub fn polling(self, polling: Polling) -> Self {
+        self.state.borrow_mut().every_poll = polling == Polling::EveryPoll;
+        self
+    }
+
+    /// The trace of the last run, if it was traced.
+    pub fn take_trace(&mut self) -> Option<Trace> {
+        self.state.borrow_mut().trace.take()
+    }
+
+    /// How many effects and polls the last run simulated.
+    pub fn events(&self) -> u64 {
+        self.state.borrow().happened
+    }
+}
+
+impl Machine for Simulator {
+    type Processor = SimulatedProcessor;
+    const ORDERED: bool = true;
+
+    fn count(&self) -> usize {
+        self.count
+    }
+
+    fn allocate(&mut self, name: &str, words: u64, home: Home) -> Result<Region, MemoryError> {
+        let region = self.layout.allocate(name, words, home, self.count)?;
+        self.state.borrow_mut().words.cover(&self.layout);
+        Ok(region)
+    }
+
+    fn layout(&self) -> &Layout {
+        &self.layout
+    }
+
+    fn allocate_locks(&mut self, count: u32) -> LockId {
+        self.locks += count;
+        LockId(self.locks - count)
+    }
+
+    fn allocate_barriers(&mut self, count: u32) -> BarrierId {
+        self.barriers += count;
+        BarrierId(self.barriers - count)
+    }
+
+    fn peek(&self, at: Address) -> u64 {
+        self.state.borrow().words.get(at).unwrap_or(0)
+    }
+
+    fn poke(&mut self, at: Address, value: u64) {
+        match self.state.borrow_mut().words.get_mut(at) {
+            Some(word) => *word = value,
+            None => panic!("{}", Fault::Address(at)),
+        }
+    }
+
+    fn run<T, F, R>(&mut self, program: F) -> Result<Run<T>, RunError>
+    where
+        F: Fn(Self::Processor) -> R + Sync,
+        R: Future<Output = T>,
+        T: Send,
+    {
+        self.state.borrow_mut().begin(self.count, self.locks, self.barriers, self.traced);
+        let start = |id| Some(Box::pin(program(SimulatedProcessor::new(id as u32, Rc::clone(&self.state)))));
+        let mut futures: Vec<_> = (0..self.count).map(start).collect();
+        let mut values: Vec<Option<T>> = (0..self.count).map(|_| None).collect();
+        let mut context = Context::from_waker(Waker::noop());
+        loop {
+            let ready = self.state.borrow_mut().ready.pop_front();
+            if let Some(id) = ready {
+                let future = &mut futures[id as usize];
+                let polled = future.as_mut().map(|f| f.as_mut().poll(&mut context));
+                let mut state = self.state.borrow_mut();
+                if let Some(Poll::Ready(value)) = polled {
+                    state.end(id);
+                    values[id as usize] = Some(value);
+                    drop(state);
+                    *future = None;
+                } else if state.error.is_none() && !state.waits(id) {
+                    state.fail(id, Fault::Foreign);
+                }
+            } else if !self.state.borrow_mut().step() {
+                break;
+            }
+            if let Some(error) = self.state.borrow().error {
+                return Err(error);
+            }
+        }
+        let mut state = self.state.borrow_mut();
+        if let Some(error) = state.stuck() {
+            return Err(error);
+        }
+        let (clock, time, counts) = state.accounts();
+        let values = values.into_iter().flatten().collect();
+        Run { values, clock, unit: ClockUnit::Instructions, time, counts }.check()
+    }
+}

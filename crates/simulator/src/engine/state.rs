@@ -1,0 +1,462 @@
+//! What a simulated machine is at a moment: words, locks, barriers, what each processor is at; operations go in as they are
+//! issued, and take effect in order.
+
+use std::cmp::Reverse;
+use std::collections::VecDeque;
+
+use isolux_machine::{
+    Address, BarrierId, ByCause, Cause, Counts, Fault, LockId, Mark, Prefix, RunError, Sequence, Wait, Words, Work,
+};
+
+use super::event::{Event, Rank, What};
+use super::time::Time;
+use super::trace::Trace;
+use super::watch::{Queue, Sight, Until, Watches};
+
+/// What operations cost, in units, for the machine's number of processors.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Costs {
+    pub(super) load: u64,
+    pub(super) store: u64,
+    pub(super) prefix: u64,
+    pub(super) spin: u64,
+    pub(super) scan: u64,
+    pub(super) take: u64,
+    pub(super) give: u64,
+    pub(super) barrier: u64,
+    /// Thousandths of a unit by class of work.
+    pub(super) work: Vec<u64>,
+}
+
+/// An operation that has a place in the order of effects.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Op {
+    Load(Address),
+    Store(Address, u64),
+    Prefix(Prefix, Address, u64),
+    Unlock(LockId),
+    Lock(LockId),
+    Barrier(BarrierId),
+    /// Polls until a word ends it: the one word of a spin, which is its outcome, or one of a scan, whose number is.
+    Wait {
+        cells: Sequence,
+        until: Until,
+        spins: bool,
+    },
+}
+
+impl Op {
+    fn rank(&self) -> Rank {
+        match *self {
+            Self::Load(_) | Self::Wait { .. } => Rank::LOAD,
+            Self::Store(..) => Rank::STORE,
+            Self::Prefix(op, at, _) => Rank::prefix(op, at),
+            Self::Unlock(_) => Rank::UNLOCK,
+            Self::Lock(_) => Rank::LOCK,
+            Self::Barrier(_) => Rank::BARRIER,
+        }
+    }
+}
+
+/// What a processor is at.
+#[derive(Clone, Copy, Debug)]
+enum Status {
+    /// Its program goes on, or is about to.
+    Runs,
+    /// It has issued an operation that has not taken effect, or not ended.
+    Issued(Op),
+    /// Its operation has ended with this outcome, which its program has not got yet.
+    Has(u64),
+    /// Its program has ended.
+    Ended,
+}
+
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Slot {
+    now: Time,
+    status: Status,
+    mark: Mark,
+    time: ByCause,
+    counts: Counts,
+    /// Polls of the present wait after the first, where each is simulated.
+    polls: u64,
+}
+
+#[derive(Clone, Debug, Default)]
+struct Lock {
+    holder: Option<u32>,
+    queue: VecDeque<u32>,
+}
+
+/// All of it.
+#[derive(Debug, Default)]
+pub(super) struct State {
+    pub(super) costs: Costs,
+    pub(super) words: Words,
+    pub(super) every_poll: bool,
+    pub(super) trace: Option<Trace>,
+    pub(super) error: Option<RunError>,
+    /// Processors whose programs can go on.
+    pub(super) ready: VecDeque<u32>,
+    /// Effects and polls simulated.
+    pub(super) happened: u64,
+    slots: Vec<Slot>,
+    locks: Vec<Lock>,
+    barriers: Vec<Vec<u32>>,
+    queue: Queue,
+    watches: Watches,
+    /// Processors that poll again and again, where each poll is simulated.
+    polling: usize,
+}
+
+const START: Mark = Mark::new(Cause::Work, "start");
+const ENDED: Mark = Mark::new(Cause::Idle, "ended");
+
+impl State {
+    /// Bytes that a processor takes here while it waits, its program's own state not included: its slot, two events, and its
+    /// entries among the watchers, once by place and three times by phase in lists of their own (less than 96 bytes each).
+    pub(super) const PARKED_BYTES: usize = size_of::<Slot>() + 2 * size_of::<Event>() + 4 * 96;
+
+    /// Without words, with these costs.
+    pub(super) fn new(costs: Costs) -> Self {
+        Self { costs, ..Self::default() }
+    }
+
+    /// Before a run: all processors at the start; words as they are.
+    pub(super) fn begin(&mut self, processors: usize, locks: u32, barriers: u32, trace: bool) {
+        let slot = Slot {
+            now: Time(0),
+            status: Status::Runs,
+            mark: START,
+            time: ByCause::default(),
+            counts: Counts::default(),
+            polls: 0,
+        };
+        self.slots = vec![slot; processors];
+        self.locks = vec![Lock::default(); locks as usize];
+        self.barriers = vec![vec![]; barriers as usize];
+        self.watches = Watches::new(processors);
+        self.trace = trace.then(|| Trace::new(processors));
+        self.ready = (0..processors as u32).collect();
+        self.queue.clear();
+        (self.error, self.happened, self.polling) = (None, 0, 0);
+    }
+
+    pub(super) fn processors(&self) -> usize {
+        self.slots.len()
+    }
+
+    pub(super) fn enter(&mut self, processor: u32, mark: Mark) -> Mark {
+        std::mem::replace(&mut self.slots[processor as usize].mark, mark)
+    }
+
+    /// A processor issues an operation at its present time. Gives the outcome at once where nothing can come before it.
+    pub(super) fn issue(&mut self, processor: u32, op: Op) -> Option<u64> {
+        let slot = &mut self.slots[processor as usize];
+        if !matches!(slot.status, Status::Runs) {
+            return self.fail(processor, Fault::Foreign);
+        }
+        slot.status = Status::Issued(op);
+        let event = Event { time: slot.now, rank: op.rank(), processor, what: What::Operation };
+        let first = self.ready.is_empty() && self.queue.peek().is_none_or(|Reverse(next)| event < *next);
+        if !first || self.error.is_some() {
+            self.queue.push(Reverse(event));
+            return None;
+        }
+        let outcome = self.take_effect(event.time, processor, op)?;
+        self.slots[processor as usize].status = Status::Runs;
+        Some(outcome)
+    }
+
+    /// The outcome of the operation that a processor issued, once it has ended.
+    pub(super) fn outcome(&mut self, processor: u32) -> Option<u64> {
+        let slot = &mut self.slots[processor as usize];
+        match slot.status {
+            Status::Has(outcome) => {
+                slot.status = Status::Runs;
+                Some(outcome)
+            }
+            _ => None,
+        }
+    }
+
+    /// Work takes its time and touches nothing shared, so it needs no place in the order of effects.
+    pub(super) fn charge(&mut self, processor: u32, work: &Work) -> bool {
+        if let Some(class) = work.beyond(self.costs.work.len()) {
+            self.fail(processor, Fault::NoWorkClass(class));
+            return false;
+        }
+        let parts: u128 =
+            work.counts().iter().zip(&self.costs.work).map(|(&n, &cost)| u128::from(n) * u128::from(cost)).sum();
+        self.slots[processor as usize].counts.work.add(work);
+        let cause = self.slots[processor as usize].mark.cause;
+        match u64::try_from(parts.div_ceil(1000)) {
+            Ok(units) => self.spend(processor, cause, units),
+            Err(_) => {
+                self.fail(processor, Fault::Clock);
+            }
+        }
+        self.error.is_none()
+    }
+
+    /// The next event happens. Nothing is left to happen when it gives `false`.
+    pub(super) fn step(&mut self) -> bool {
+        let Some(Reverse(event)) = self.queue.pop() else { return false };
+        let processor = event.processor;
+        match event.what {
+            What::Operation => {
+                if let Status::Issued(op) = self.slots[processor as usize].status
+                    && let Some(outcome) = self.take_effect(event.time, processor, op)
+                {
+                    self.resume(processor, outcome);
+                }
+            }
+            What::Sight { .. } => {
+                if let Some(sight) = self.watches.sight(event, &mut self.queue) {
+                    self.happened += 1;
+                    self.see(event.time, processor, sight);
+                }
+            }
+        }
+        true
+    }
+
+    /// A processor's program has ended.
+    pub(super) fn end(&mut self, processor: u32) {
+        self.slots[processor as usize].status = Status::Ended;
+    }
+
+    /// Whether a processor whose program does not go on waits for an operation of its own, or is about to be told its outcome.
+    pub(super) fn waits(&self, processor: u32) -> bool {
+        matches!(self.slots[processor as usize].status, Status::Issued(_) | Status::Has(_))
+    }
+
+    /// When nothing is left to happen: the first processor that has not ended, and what for.
+    pub(super) fn stuck(&self) -> Option<RunError> {
+        self.slots.iter().enumerate().find_map(|(processor, slot)| {
+            let wait = match slot.status {
+                Status::Issued(Op::Lock(lock)) => Wait::Lock(lock),
+                Status::Issued(Op::Barrier(barrier)) => Wait::Barrier(barrier),
+                Status::Issued(Op::Wait { cells, .. }) => Wait::Word(cells.at(0)),
+                Status::Ended => return None,
+                // It gave up its operation for something else.
+                _ => return Some(RunError::Fault { processor, fault: Fault::Foreign }),
+            };
+            Some(RunError::Deadlock { processor, wait })
+        })
+    }
+
+    /// After a run: the clock, and each processor's accounts, with the time from its end to that of the run.
+    pub(super) fn accounts(&mut self) -> (u64, Vec<ByCause>, Vec<Counts>) {
+        let clock = self.slots.iter().map(|s| s.now).max().unwrap_or_default();
+        for (processor, slot) in self.slots.iter_mut().enumerate() {
+            slot.time.add(Cause::Idle, clock.since(slot.now));
+            if let Some(trace) = &mut self.trace {
+                trace.add(processor, slot.now.0, clock.0, ENDED);
+            }
+        }
+        let time = self.slots.iter().map(|s| s.time).collect();
+        (clock.0, time, self.slots.iter().map(|s| s.counts).collect())
+    }
+
+    pub(super) fn fail(&mut self, processor: u32, fault: Fault) -> Option<u64> {
+        self.error.get_or_insert(RunError::Fault { processor: processor as usize, fault });
+        None
+    }
+
+    /// Time passes for one processor.
+    fn spend(&mut self, processor: u32, cause: Cause, units: u64) {
+        let slot = &mut self.slots[processor as usize];
+        let Some(until) = slot.now.after(units) else {
+            self.fail(processor, Fault::Clock);
+            return;
+        };
+        if let Some(trace) = &mut self.trace {
+            trace.add(processor as usize, slot.now.0, until.0, Mark::new(cause, slot.mark.label));
+        }
+        slot.time.add(cause, units);
+        slot.now = until;
+    }
+
+    /// An operation costs its units, which go to what the processor is at.
+    fn cost(&mut self, processor: u32, units: u64) {
+        let cause = self.slots[processor as usize].mark.cause;
+        self.spend(processor, cause, units);
+    }
+
+    fn resume(&mut self, processor: u32, outcome: u64) {
+        self.slots[processor as usize].status = Status::Has(outcome);
+        self.ready.push_back(processor);
+    }
+
+    fn counts(&mut self, processor: u32) -> &mut Counts {
+        &mut self.slots[processor as usize].counts
+    }
+
+    /// An operation takes effect; gives its outcome unless it has to wait.
+    fn take_effect(&mut self, now: Time, processor: u32, op: Op) -> Option<u64> {
+        self.happened += 1;
+        match op {
+            Op::Load(at) => {
+                let Some(word) = self.words.get(at) else { return self.fail(processor, Fault::Address(at)) };
+                self.counts(processor).loads += 1;
+                self.cost(processor, self.costs.load);
+                Some(word)
+            }
+            Op::Store(at, value) => {
+                self.write(now, processor, at, |_| value)?;
+                self.counts(processor).stores += 1;
+                self.cost(processor, self.costs.store);
+                Some(0)
+            }
+            Op::Prefix(op, at, value) => {
+                let before = self.write(now, processor, at, |word| op.apply(word, value))?;
+                self.counts(processor).prefixes += 1;
+                self.cost(processor, self.costs.prefix);
+                Some(before)
+            }
+            Op::Lock(lock) => {
+                let Some(it) = self.locks.get_mut(lock.0 as usize) else {
+                    return self.fail(processor, Fault::NoLock(lock));
+                };
+                match it.holder {
+                    Some(holder) if holder == processor => self.fail(processor, Fault::HeldAlready(lock)),
+                    Some(_) => {
+                        it.queue.push_back(processor);
+                        None
+                    }
+                    None => {
+                        it.holder = Some(processor);
+                        self.counts(processor).locks += 1;
+                        self.cost(processor, self.costs.take);
+                        Some(0)
+                    }
+                }
+            }
+            Op::Unlock(lock) => {
+                let Some(it) = self.locks.get_mut(lock.0 as usize) else {
+                    return self.fail(processor, Fault::NoLock(lock));
+                };
+                if it.holder != Some(processor) {
+                    return self.fail(processor, Fault::NotHeld(lock));
+                }
+                it.holder = it.queue.pop_front();
+                if let Some(next) = it.holder {
+                    self.spend_until(next, Cause::LockWait, now);
+                    self.counts(next).locks += 1;
+                    self.cost(next, self.costs.take);
+                    self.resume(next, 0);
+                }
+                self.cost(processor, self.costs.give);
+                Some(0)
+            }
+            Op::Barrier(barrier) => {
+                let count = self.processors();
+                let Some(here) = self.barriers.get_mut(barrier.0 as usize) else {
+                    return self.fail(processor, Fault::NoBarrier(barrier));
+                };
+                here.push(processor);
+                if here.len() == count {
+                    for waiting in std::mem::take(here) {
+                        self.spend_until(waiting, Cause::BarrierWait, now);
+                        self.counts(waiting).barriers += 1;
+                        self.spend(waiting, Cause::BarrierWait, self.costs.barrier);
+                        self.resume(waiting, 0);
+                    }
+                }
+                None
+            }
+            Op::Wait { cells, until, spins } => self.poll(now, processor, cells, until, spins),
+        }
+    }
+
+    /// Time passes until `now`.
+    fn spend_until(&mut self, processor: u32, cause: Cause, now: Time) {
+        let since = now.since(self.slots[processor as usize].now);
+        self.spend(processor, cause, since);
+    }
+
+    fn write(&mut self, now: Time, processor: u32, at: Address, f: impl FnOnce(u64) -> u64) -> Option<u64> {
+        let Some(word) = self.words.get_mut(at) else { return self.fail(processor, Fault::Address(at)) };
+        let before = *word;
+        *word = f(before);
+        let after = *word;
+        if before != after {
+            self.watches.written(at, after, now, &mut self.queue);
+        }
+        Some(before)
+    }
+
+    /// The first poll of a wait, or any where each is simulated.
+    fn poll(&mut self, now: Time, processor: u32, cells: Sequence, until: Until, spins: bool) -> Option<u64> {
+        let cost = if spins { self.costs.spin } else { self.costs.scan };
+        let polls = self.slots[processor as usize].polls;
+        if polls == 0
+            && let Some(fault) = self.senseless(&cells)
+        {
+            return self.fail(processor, fault);
+        }
+        let position = (polls % cells.period() as u64) as usize;
+        let at = cells.at(position);
+        let word = self.words.get(at).unwrap_or(0);
+        if until.ends(word) {
+            self.polling -= usize::from(polls > 0);
+            return Some(self.end_wait(now, processor, Sight { position, polls, at }, spins));
+        }
+        if !self.every_poll {
+            self.watches.watch(processor, cells, until, cost, now, &self.words, &mut self.queue);
+            return None;
+        }
+        self.polling += usize::from(polls == 0);
+        self.slots[processor as usize].polls = polls + 1;
+        match now.after(cost) {
+            Some(time) => {
+                self.queue.push(Reverse(Event { time, rank: Rank::LOAD, processor, what: What::Operation }));
+            }
+            None => return self.fail(processor, Fault::Clock),
+        }
+        if self.ready.is_empty() && self.queue.len() == self.polling && !self.anything_to_see() {
+            self.error = self.stuck();
+        }
+        None
+    }
+
+    /// What is wrong with a sequence to be scanned.
+    fn senseless(&self, cells: &Sequence) -> Option<Fault> {
+        if !cells.is_valid() {
+            return Some(Fault::Sequence);
+        }
+        // The cell of the ring with the highest address, and the one that stands apart.
+        let ends = [cells.turned(0).period() - 1, cells.turn(cells.ring() - 1)];
+        let outside = ends.into_iter().map(|k| cells.at(k)).find(|&at| self.words.get(at).is_none());
+        outside.map(Fault::Address)
+    }
+
+    /// Whether some processor's wait would end if nothing were written any more.
+    fn anything_to_see(&self) -> bool {
+        self.slots.iter().any(|slot| match slot.status {
+            Status::Issued(Op::Wait { cells, until, .. }) => {
+                (0..cells.period()).any(|k| self.words.get(cells.at(k)).is_some_and(|w| until.ends(w)))
+            }
+            _ => false,
+        })
+    }
+
+    /// A watcher sees what it waits for.
+    fn see(&mut self, now: Time, processor: u32, sight: Sight) {
+        if let Status::Issued(Op::Wait { spins, .. }) = self.slots[processor as usize].status {
+            let outcome = self.end_wait(now, processor, sight, spins);
+            self.resume(processor, outcome);
+        }
+    }
+
+    /// The poll at `now` ends a wait.
+    fn end_wait(&mut self, now: Time, processor: u32, sight: Sight, spins: bool) -> u64 {
+        let cost = if spins { self.costs.spin } else { self.costs.scan };
+        self.spend_until(processor, Cause::Idle, now);
+        self.spend(processor, Cause::Idle, cost);
+        self.slots[processor as usize].polls = 0;
+        self.counts(processor).polls += sight.polls + 1;
+        if spins { self.words.get(sight.at).unwrap_or(0) } else { sight.position as u64 }
+    }
+}

@@ -1,0 +1,23 @@
+//! Simulated machines: a program of [`isolux_machine`] goes in and really runs, its operations taking effect in simulated time;
+//! a clock, accounts and a trace come out. What the program computes is left to it. README.md of this crate says what costs
+//! what, and what is not modelled.
+//!
+//! ```
+//! use isolux_machine::{Home, Machine, Prefix, Processor};
+//! use isolux_simulator::{Simulator, Spec};
+//!
+//! let mut machine = Simulator::new(&Spec::sb_pram(), 1000, &[])?;
+//! let counter = machine.allocate("counter", 1, Home::RoundRobin)?.at(0);
+//! let run = machine.run(async |p: isolux_simulator::SimulatedProcessor| p.prefix(Prefix::Add, counter, 1).await)?;
+//! assert_eq!(run.clock, 2, "a multiprefix takes two units, whatever the number of participants");
+//! assert!(run.values.into_iter().eq(0..1000), "in the order of the processors");
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod engine;
+mod ideal;
+mod sb_pram;
+mod spec;
+
+pub use engine::{Interval, Polling, SimulatedProcessor, Simulator, Trace};
+pub use spec::{Spec, SpecError};
