@@ -117,7 +117,8 @@ const MOST_CLOCKS: i64 = 1_000_000;
 const MOST_MHZ: i64 = 100_000;
 
 impl Spec {
-    /// The Stanford DASH prototype, from `crates/memory/specs/dash.toml`.
+    /// The Stanford DASH prototype, from `crates/memory/specs/dash.toml`: one level of caches (D23), and a remote cache as far
+    /// as a home cluster (D24).
     ///
     /// # Errors
     /// None that a test would not have met: the file is part of the program.

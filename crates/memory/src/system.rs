@@ -1,5 +1,6 @@
 //! The machine: accesses come in, levels and clocks go out, by the protocol of `crates/memory/README.md`; the order of
-//! accesses and what happens between them are left to the caller.
+//! accesses and what happens between them are left to the caller. A dirty line that a neighbour reads is written back at
+//! once (D26).
 
 use crate::cache::{Caches, EMPTY};
 use crate::counts::{Cause, Counts, Kind, Level};
@@ -342,7 +343,7 @@ impl System {
     }
 }
 
-/// What a write waits for when no cache has the line dirty; `near`: a cache of the cluster has it shared.
+/// What a write waits for (D25: sequential consistency) when no cache has the line dirty; `near`: a cache of the cluster has it shared.
 fn ownership(sharers: u64, cluster: usize, home: usize, near: bool) -> Level {
     let others = sharers & !(1 << cluster);
     if cluster != home {

@@ -107,7 +107,7 @@ fn many_readers_cost_the_writer_one_journey() {
     assert_eq!((counts.invalidations, counts.upgrades, counts.misses()), (63, 1, 1));
 }
 
-/// Would catch an upgrade that is free, a miss, or costs the wrong distance: all five ways to obtain ownership.
+/// D25. Would catch an upgrade that is free, a miss, or costs the wrong distance: all five ways to obtain ownership.
 #[test]
 fn ownership_costs_the_furthest_answer() {
     let far = |readers: &[usize], writer: usize| {
@@ -156,7 +156,7 @@ fn dirty_line_is_written_back_when_it_makes_room() {
     assert_eq!(system.counts(region, 0).invalidations, 0);
 }
 
-/// Would catch traffic that leaves the cluster although a neighbour has the line.
+/// D26. Would catch traffic that leaves the cluster although a neighbour has the line, and a line that stays dirty then.
 #[test]
 fn neighbours_share_without_leaving_the_cluster() {
     let (mut system, region, address) = dash(8);

@@ -27,7 +27,7 @@ remote_cache = 80
 third_cluster = 120
 ";
 
-/// Would catch a figure that drifts from what the sources in the file say.
+/// D23, D24. Would catch a figure that drifts from what the sources in the file say.
 #[test]
 fn dash_has_its_published_figures() {
     let dash = Spec::dash().unwrap();
