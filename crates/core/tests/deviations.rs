@@ -4,46 +4,19 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 mod inputs;
+mod settle;
 
 use inputs::{Make, built, empty, grey, v};
 use isolux_core::DVec3;
 use isolux_core::kernels::form_factor::{FormFactor, exchange_area};
-use isolux_core::kernels::oracle::Thresholds;
 use isolux_core::kernels::visibility::{Covered, Rays, Sampling, Weighting, visibility, visibility_ray_by_ray};
 use isolux_core::kernels::{Counts, NoProbe, Patch};
 use isolux_core::links::Hierarchy;
 use isolux_core::scene::{Polygon, Scene};
-use isolux_core::solution::{Flow, Parameters, Roots, Solver, Stop, Unobserved, Update, balance};
+use isolux_core::solution::{Flow, Parameters, Solver, Stop, Unobserved, Update, balance};
 use isolux_core::tree::{Bsp, ElementId, InsertionOrder};
 use isolux_core::units::Rgb;
-
-/// The paper's rule of refinement, with these thresholds.
-fn parameters(bf: f64, area: f64) -> Parameters {
-    Parameters {
-        thresholds: Thresholds { bf, partial: 0.0, partial_form_factor: 1.0, emission: 1.0, area },
-        stop: Stop::Change(1e-12),
-        update: Update::InPlace,
-        roots: Roots::Polygons,
-        form_factor: FormFactor::Lambert,
-        sampling: Sampling::default(),
-        covered: Covered::default(),
-        seed: 0,
-    }
-}
-
-/// Links the roots and iterates to the end; checks what came out.
-fn settled<'a>(scene: &'a Scene, bsp: &'a Bsp, parameters: Parameters) -> Solver<'a, Counts> {
-    let mut solver: Solver<'_, Counts> = Solver::new(scene, bsp, parameters);
-    assert_eq!(solver.link_roots(&mut Unobserved), Flow::Continue);
-    while !solver.iterate(&mut Unobserved).unwrap().converged {
-        assert!(solver.iterations().len() < 1000);
-    }
-    let Hierarchy { elements, links, light } = solver.hierarchy();
-    elements.check().unwrap();
-    links.check(elements, scene).unwrap();
-    light.check(scene, elements).unwrap();
-    solver
-}
+use settle::{parameters, settled};
 
 fn tree(scene: &Scene) -> Bsp {
     Bsp::build(scene, InsertionOrder::AsGiven)
@@ -69,15 +42,16 @@ fn d22_covered_parts_swallow_light_unless_they_are_left_out() {
     let scene = built(input);
     let bsp = tree(&scene);
     let lost = [Covered::Counted, Covered::LeftOut].map(|covered| {
-        let solver = settled(&scene, &bsp, Parameters { covered, ..parameters(0.05, 0.01) });
+        let solver = settled(&scene, &bsp, Parameters { covered, ..parameters(0.05, 0.01) }, 1000);
         let active = solver.active().to_vec();
         let balance =
             balance(&scene, &bsp, solver.hierarchy(), &active, 0, &mut Counts::default(), &mut Unobserved).unwrap();
         // Of the same light: both balances close.
+        // Measured +0.009 and +0.015.
         assert!(balance.imbalance().abs() < 0.02, "{covered:?}: {balance:?}");
         balance.lost_to_backs.mean() / balance.emitted.mean()
     });
-    assert!(lost[0] > 0.01 && lost[1] < 0.001, "{lost:?}");
+    assert!((0.014..0.016).contains(&lost[0]) && lost[1] < 2e-4, "{lost:?}");
 }
 
 /// D4: a back that sees a share s of lit surroundings is overlooked in `(1 - s)^64` of all seeds (here 0.95 % and 54 %),
@@ -215,7 +189,7 @@ fn d13_refinement_looks_at_the_mean_of_three_bands() {
     let of = |lamp| {
         let scene = lamp_box(0.5, lamp);
         let bsp = tree(&scene);
-        let solver = settled(&scene, &bsp, parameters(0.05, 0.001));
+        let solver = settled(&scene, &bsp, parameters(0.05, 0.001), 1000);
         let Hierarchy { links, light, .. } = solver.hierarchy();
         (links.len(), solver.iterations().len(), light.irradiances().to_vec())
     };
@@ -243,7 +217,7 @@ fn d14_the_larger_element_is_split_whatever_the_other_is() {
     let scene = built(input);
     let bsp = tree(&scene);
     // The lamp has 0.0064 m², the floor 1 m²; no link is small enough.
-    let solver = settled(&scene, &bsp, parameters(1e-9, 0.01));
+    let solver = settled(&scene, &bsp, parameters(1e-9, 0.01), 1000);
     let Hierarchy { elements, links, .. } = solver.hierarchy();
     let (floor, lamp) = (ElementId(0), ElementId(1));
     assert!(elements.is_leaf(lamp));
@@ -258,7 +232,7 @@ fn d14_the_larger_element_is_split_whatever_the_other_is() {
 fn d17_means_by_area_are_quarters_of_sums_for_parallelograms_only() {
     let worst = |scene: &Scene| {
         let bsp = tree(scene);
-        let solver = settled(scene, &bsp, parameters(0.05, 0.001));
+        let solver = settled(scene, &bsp, parameters(0.05, 0.001), 1000);
         let Hierarchy { elements, light, .. } = solver.hierarchy();
         let mut worst = 0.0_f64;
         for id in (0..elements.len() as u32).map(ElementId).filter(|&id| !elements.is_leaf(id)) {
@@ -305,7 +279,7 @@ fn d18_stopping_by_the_last_change_leaves_more_than_it_says() {
     let bsp = tree(&scene);
     let total = |stop| {
         let parameters = Parameters { stop, update: Update::Jacobi, ..parameters(10.0, 0.1) };
-        let solver = settled(&scene, &bsp, parameters);
+        let solver = settled(&scene, &bsp, parameters, 1000);
         (solver.iterations().last().unwrap().total[0], solver.iterations().len())
     };
     let (end, _) = total(Stop::Change(1e-13));

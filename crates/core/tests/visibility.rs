@@ -409,7 +409,8 @@ fn visibility_of_neighbours_is_the_share_of_their_exchange() {
             assert!(deviation <= most, "{width}: {deviation}");
         }
         let equal = visibility(&trees[1], &blocked, &a, &b, Rays::TwoHundredFiftySix, 1, &mut NoProbe);
-        assert!(equal < 0.75 * expected, "equal rays: {equal} for {expected}");
+        // D11. Measured 0.68, 0.65, 0.29 and 0 of it.
+        assert!(equal < 0.7 * expected, "equal rays: {equal} for {expected}");
     }
 }
 

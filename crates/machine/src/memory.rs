@@ -1,6 +1,7 @@
 //! Names and sizes of regions become addresses of shared words, each with a home; and the words of machines that one thread
 //! runs.
 
+use crate::Fault;
 use thiserror::Error;
 
 /// Words on a page: 4 KB. A region starts on a page of its own, and a page has one home.
@@ -198,6 +199,17 @@ impl Words {
         }
         let (chunk, word) = split(at);
         Some(self.chunks[chunk].as_ref().map_or(0, |c| c[word]))
+    }
+
+    /// Sets a word between runs.
+    ///
+    /// # Panics
+    /// Outside the layout.
+    pub fn poke(&mut self, at: Address, value: u64) {
+        match self.get_mut(at) {
+            Some(word) => *word = value,
+            None => panic!("{}", Fault::Address(at)),
+        }
     }
 
     /// A word to be written; `None` outside the layout.

@@ -80,10 +80,7 @@ impl Machine for Sequential {
     }
 
     fn poke(&mut self, at: Address, value: u64) {
-        match self.state.borrow_mut().words.get_mut(at) {
-            Some(word) => *word = value,
-            None => panic!("{}", Fault::Address(at)),
-        }
+        self.state.borrow_mut().words.poke(at, value);
     }
 
     fn run<T, F, R>(&mut self, program: F) -> Result<Run<T>, RunError>

@@ -331,21 +331,20 @@ impl<'a> SmoothPlan<'a> {
     /// mean nothing: no light gets there.
     #[must_use]
     pub fn covered(&self, evaluator: &Evaluator<'_>, light: &Light) -> Vec<bool> {
-        let mut covered = vec![false; self.sites.len()];
-        let scene = self.builder.scene;
+        let mut doubtful = vec![false; self.sites.len()];
         for (index, (leaf, vertices)) in self.leaves.iter().enumerate() {
-            if light.open_share(*leaf) >= 1.0 {
-                continue;
-            }
-            let sites = vertices.iter().map(|&(site, _)| site as usize).chain([self.centres + index]);
-            for site in sites {
-                let Site { position, leaf } = self.sites[site];
-                let normal = scene.polygons[self.builder.elements.get(leaf).polygon as usize].plane.normal;
-                let mut stream = Stream::new(mix(evaluator.seed ^ site as u64));
-                covered[site] = !is_open(evaluator.bsp, scene, position, normal, &mut stream, &mut NoProbe);
+            if light.open_share(*leaf) < 1.0 {
+                doubtful[self.centres + index] = true;
+                vertices.iter().for_each(|&(site, _)| doubtful[site as usize] = true);
             }
         }
-        covered
+        let scene = self.builder.scene;
+        let is_covered = |(index, &Site { position, leaf }): (usize, &Site)| {
+            let normal = scene.polygons[self.builder.elements.get(leaf).polygon as usize].plane.normal;
+            let mut stream = Stream::new(mix(evaluator.seed ^ index as u64));
+            doubtful[index] && !is_open(evaluator.bsp, scene, position, normal, &mut stream, &mut NoProbe)
+        };
+        self.sites.iter().enumerate().map(is_covered).collect()
     }
 
     /// Covered vertices are dark, but what is seen is the part of their leaves that is not covered: they take the mean

@@ -111,25 +111,23 @@ impl Light {
     pub fn pull(&mut self, parent: ElementId, elements: &Elements) {
         let area = elements.get(parent).area;
         let Some(first) = elements.get(parent).first_child.some() else { return };
+        let children = [0, 1, 2, 3].map(|k| first.index() + k);
+        let areas = children.map(|child| elements.as_slice()[child].area);
+        let by_area = areas.map(|child| child / area);
         let base = self.open_share[first.index()];
-        let open_share = elements
-            .children(parent)
-            .fold(base, |sum, child| sum + (self.open_share[child.index()] - base) * (elements.get(child).area / area));
-        let open: Vec<f64> =
-            elements.children(parent).map(|child| elements.get(child).area * self.open_share[child.index()]).collect();
+        let shares = children.into_iter().zip(by_area);
+        let open_share = shares.fold(base, |sum, (child, share)| sum + (self.open_share[child] - base) * share);
+        let mut open = [0, 1, 2, 3].map(|k| areas[k] * self.open_share[children[k]]);
         let open_area: f64 = open.iter().sum();
-        let mean = |values: &[Rgb], weight: &dyn Fn(usize, ElementId) -> f64| {
+        open = open.map(|child| child / open_area);
+        let mean = |values: &[Rgb], weights: [f64; 4]| {
             let base = values[first.index()];
-            let children = elements.children(parent).enumerate();
-            children.fold(base, |sum, (k, child)| sum + (values[child.index()] - base) * weight(k, child))
+            let children = children.into_iter().zip(weights);
+            children.fold(base, |sum, (child, weight)| sum + (values[child] - base) * weight)
         };
-        let by_area = |_, child| elements.get(child).area / area;
-        let irradiance = mean(&self.irradiance, &by_area);
-        let radiosity = if open_share < 1.0 && open_area > 0.0 {
-            mean(self.fresh(), &|k, _| open[k] / open_area)
-        } else {
-            mean(self.fresh(), &by_area)
-        };
+        let irradiance = mean(&self.irradiance, by_area);
+        let weights = if open_share < 1.0 && open_area > 0.0 { open } else { by_area };
+        let radiosity = mean(self.fresh(), weights);
         self.open_share[parent.index()] = open_share;
         self.irradiance[parent.index()] = irradiance;
         self.fresh()[parent.index()] = radiosity;

@@ -71,7 +71,7 @@ pub fn irradiance_at_site<P: Probe>(
                 let seed = names.into_iter().fold(evaluator.seed, |seed, name| mix(seed ^ name.to_bits()));
                 let seed = site.position.to_array().into_iter().fold(seed, |seed, x| mix(seed ^ x.to_bits()));
                 point_visibility(evaluator.bsp, evaluator.scene, site.position, receiver.plane, &source, seed, probe)
-            } else if open_share < 1.0 {
+            } else if open_share > 0.0 {
                 (sight.share / open_share).min(1.0)
             } else {
                 sight.share

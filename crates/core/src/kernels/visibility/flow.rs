@@ -10,7 +10,7 @@ use crate::tree::bsp::Segment;
 use glam::{DVec2, DVec3};
 
 /// Rays of one packet, `None` where a lane is free.
-pub(super) type Rays = [Option<Segment>; SUB_ELEMENTS];
+pub(super) type Lanes = [Option<Segment>; SUB_ELEMENTS];
 
 /// Squared distance of the middles, in areas of the larger patch, up to which rays are drawn so: beyond it, fewer than
 /// [`LEAST`] of all directions meet the other (`A / (pi r²)` is 1/64 where both look at each other, less elsewhere).
@@ -36,7 +36,7 @@ const PASSES: usize = 4;
 ///
 /// The disk's points are those of a sunflower (Vogel 1979, "A better way to construct the sunflower head", equation of
 /// the golden angle), turned at random for each x.
-pub(super) fn draw<const N: usize>([a, b]: [&Patch; 2], tolerance: f64, random: &mut SplitMix64) -> Option<[Rays; N]> {
+pub(super) fn draw<const N: usize>([a, b]: [&Patch; 2], tolerance: f64, random: &mut SplitMix64) -> Option<[Lanes; N]> {
     let larger = a.area.max(b.area);
     if (b.corners.mean() - a.corners.mean()).length_squared() > NEAR * larger {
         return None;
@@ -68,7 +68,7 @@ pub(super) fn draw<const N: usize>([a, b]: [&Patch; 2], tolerance: f64, random: 
 }
 
 /// At most `16 N` of the segments, evenly chosen from a random start: each with the same chance.
-fn spread<const N: usize>(found: &[Segment], random: &mut SplitMix64) -> [Rays; N] {
+fn spread<const N: usize>(found: &[Segment], random: &mut SplitMix64) -> [Lanes; N] {
     let wanted = found.len().min(N * SUB_ELEMENTS);
     // Positions in units of 2^-32.
     let (start, count) = (random.next() >> 32, found.len() as u64);

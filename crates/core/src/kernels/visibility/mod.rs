@@ -215,7 +215,7 @@ impl Pair<'_> {
         seed: u64,
         hint: &mut Blocker,
         probe: &mut impl Probe,
-        arrange: impl Fn(&Sample) -> [flow::Rays; N],
+        arrange: impl Fn(&Sample) -> [flow::Lanes; N],
     ) -> Option<Sight> {
         let prepare = |probe: &mut _| Shot::<N>::new(self.draw(seed, &arrange), probe);
         let mut shot: Option<Shot<N>> = None;
@@ -248,13 +248,13 @@ impl Pair<'_> {
 
 /// Rays of a pair, and whether they count the same.
 struct Drawn<const N: usize> {
-    rays: [flow::Rays; N],
+    rays: [flow::Lanes; N],
     equal: bool,
 }
 
 impl Pair<'_> {
     /// Rays as light flows where the pair is near and rays count for what they carry, else between sample points.
-    fn draw<const N: usize>(&self, seed: u64, arrange: impl Fn(&Sample) -> [flow::Rays; N]) -> Drawn<N> {
+    fn draw<const N: usize>(&self, seed: u64, arrange: impl Fn(&Sample) -> [flow::Lanes; N]) -> Drawn<N> {
         let equal = self.sampling.weighting == Weighting::Equal;
         let mut random = SplitMix64::new(seed);
         if !equal && let Some(rays) = flow::draw([self.a, self.b], self.bsp.tolerance(), &mut random) {
@@ -295,12 +295,12 @@ impl<'a> Sample<'a> {
     }
 
     /// Each point with its partner.
-    fn joined(&self) -> flow::Rays {
+    fn joined(&self) -> flow::Lanes {
         std::array::from_fn(|k| self.segment(k, self.partner[k] as usize))
     }
 
     /// Each point with each of the other patch.
-    fn crossed(&self) -> [flow::Rays; SUB_ELEMENTS] {
+    fn crossed(&self) -> [flow::Lanes; SUB_ELEMENTS] {
         std::array::from_fn(|i| std::array::from_fn(|j| self.segment(i, j)))
     }
 }
@@ -387,7 +387,7 @@ pub fn visibility_ray_by_ray<P: Probe>(
     let Some(beam) = Beam::between((a.corners, a.plane), (b.corners, b.plane), bsp.tolerance()) else { return 0.0 };
     let sampling = sampling.into();
     let pair = Pair { bsp, scene, a, b, beam: &beam, sampling };
-    let mut passed = |drawn: &[flow::Rays], equal: bool| {
+    let mut passed = |drawn: &[flow::Lanes], equal: bool| {
         let (mut count, mut sum, mut total) = (0_u32, 0.0, 0.0);
         for segment in drawn.iter().flatten().flatten() {
             probe.ray();
