@@ -33,7 +33,7 @@ mod threads;
 pub use machine::{ClassError, Fault, Machine, RunError, Wait, check_request};
 pub use memory::{Address, Home, Layout, MemoryError, PAGE_WORDS, Region, Words};
 pub use operation::{BarrierId, Condition, LockId, Prefix, Sequence, Work, WorkClass};
-pub use processor::{Cause, Mark, Processor};
+pub use processor::{BLOCK_WORDS, Cause, Mark, Note, Processor};
 pub use run::{ByCause, ClockUnit, Counts, Run};
 pub use sequential::{Sequential, SequentialProcessor};
 pub use threads::{Thread, Threads};

@@ -2,7 +2,7 @@
 
 use std::future::Future;
 
-use crate::memory::Address;
+use crate::memory::{Address, Region};
 use crate::operation::{BarrierId, Condition, LockId, Prefix, Sequence, Work};
 
 /// What a processor's time goes to.
@@ -37,6 +37,30 @@ impl Cause {
             Self::Idle => "idle",
         }
     }
+}
+
+/// The most words that are read or written together.
+pub const BLOCK_WORDS: usize = 16;
+
+/// How tasks hang together. Work after a note depends on the work that the note names; a chain of such work takes its time on
+/// any number of processors. Keys are the program's: two that are in use at a time must differ.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Note {
+    /// The task of this key can start after the work that this processor has done so far.
+    Spawn([u64; 4]),
+    /// This processor begins with the task of this key: what it does now depends on what came before the task's
+    /// [`Note::Spawn`], no longer on what this processor did before.
+    Start([u64; 4]),
+    /// What waits at this key depends on the work that this processor has done so far.
+    Join([u64; 4]),
+    /// This processor goes on with what waited at this key: it depends on all that joined there, and on what it did before.
+    Resume([u64; 4]),
+    /// A loop of independent indices begins: each depends on what this processor has done so far.
+    LoopBegin,
+    /// The next index of the loop begins.
+    LoopIndex,
+    /// The loop has ended: what comes now depends on all indices that this processor ran.
+    LoopEnd,
 }
 
 /// What a processor is at: a cause for its time, and a name for traces.
@@ -99,6 +123,43 @@ pub trait Processor {
     /// Polls the cells of a sequence in turn until one fulfils the condition; gives the number of that poll in its turn (see
     /// [`Sequence::cell`]).
     fn scan(&self, cells: Sequence, until: Condition) -> impl Future<Output = usize>;
+
+    /// The values of `N` consecutive words, at most [`BLOCK_WORDS`] of them, as `N` loads cost. Simulated machines read all
+    /// of them at the moment of the first; on real threads each is read by itself.
+    fn load_block<const N: usize>(&self, at: Address) -> impl Future<Output = [u64; N]> {
+        async move {
+            let mut values = [0; N];
+            for (i, value) in values.iter_mut().enumerate() {
+                *value = self.load(at.plus(i as u64)).await;
+            }
+            values
+        }
+    }
+
+    /// Sets `N` consecutive words, at most [`BLOCK_WORDS`] of them, as `N` stores cost; otherwise like
+    /// [`Processor::load_block`].
+    fn store_block<const N: usize>(&self, at: Address, values: [u64; N]) -> impl Future<Output = ()> {
+        async move {
+            for (i, value) in values.into_iter().enumerate() {
+                self.store(at.plus(i as u64), value).await;
+            }
+        }
+    }
+
+    /// Whether it matters what [`Processor::touch`] is told: only on machines with caches.
+    fn has_caches(&self) -> bool {
+        false
+    }
+
+    /// Tells that records of a region were read whole, in this order: data that nobody writes any more, whose values the
+    /// program has by other means. Record `i` is the words from `i * words` on. What a hit costs is part of the work that
+    /// is charged; machines with caches add what goes beyond.
+    fn touch(&self, _region: Region, _words: u64, _records: &[u32]) -> impl Future<Output = ()> {
+        std::future::ready(())
+    }
+
+    /// Tells how the program's tasks hang together, for the length of the longest chain of work. Costs nothing.
+    fn note(&self, _note: Note) {}
 
     /// From here on time goes to this mark; gives the one before. Costs nothing. While it waits for a lock, a barrier or a
     /// word, a processor's time goes to the wait.

@@ -3,7 +3,7 @@
 use crate::machine::Machine;
 use crate::memory::{Address, Home, MemoryError};
 use crate::operation::Prefix;
-use crate::processor::Processor;
+use crate::processor::{Note, Processor};
 
 /// A loop over the indices below `end`, claimed in chunks.
 #[derive(Clone, Copy, Debug)]
@@ -42,9 +42,12 @@ pub async fn parallel_for<P: Processor>(
     chunk: u64,
     mut body: impl AsyncFnMut(u64),
 ) {
+    p.note(Note::LoopBegin);
     while let Some(claimed) = indices.claim(p, end, chunk).await {
         for index in claimed {
+            p.note(Note::LoopIndex);
             body(index).await;
         }
     }
+    p.note(Note::LoopEnd);
 }
