@@ -1,12 +1,21 @@
 //! The canonical evaluation of a pair: two elements go in, their form factor and visibility come out, the same
 //! numbers whichever of the two asks.
 
-use crate::kernels::Probe;
+use crate::kernels::{Patch, Probe};
 use crate::kernels::form_factor::{FormFactor, exchange_area};
 use crate::kernels::visibility::{Blocker, Covered, Sampling, Sight, open_share, sight};
 use crate::sampling::mix;
 use crate::scene::Scene;
-use crate::tree::{Bsp, ElementId, Elements};
+use crate::tree::{Bsp, ElementId, Elements, Path};
+
+/// A patch and its name: what the evaluation of a pair depends on.
+#[derive(Clone, Copy, Debug)]
+pub struct Named<'a> {
+    /// The name.
+    pub path: Path,
+    /// The patch.
+    pub patch: Patch<'a>,
+}
 
 /// Evaluates pairs of elements of one scene.
 #[derive(Clone, Copy, Debug)]
@@ -29,8 +38,14 @@ impl Evaluator<'_> {
     /// Exchange area `A_a F_ab = A_b F_ba` of two elements, m², unoccluded.
     #[must_use]
     pub fn exchange_area<P: Probe>(&self, elements: &Elements, a: ElementId, b: ElementId, probe: &mut P) -> f64 {
-        let (a, b) = canonical(elements, a, b);
-        exchange_area(&elements.patch(a), &elements.patch(b), self.form_factor, probe)
+        self.exchange_area_of(named(elements, a), named(elements, b), probe)
+    }
+
+    /// [`Evaluator::exchange_area`] of patches that are in no [`Elements`].
+    #[must_use]
+    pub fn exchange_area_of<P: Probe>(&self, a: Named<'_>, b: Named<'_>, probe: &mut P) -> f64 {
+        let (a, b) = canonical(a, b);
+        exchange_area(&a.patch, &b.patch, self.form_factor, probe)
     }
 
     /// Form factor from receiver to source, in `[0, 1]`, unoccluded.
@@ -60,23 +75,27 @@ impl Evaluator<'_> {
     /// Visibility of the pair, and how it is known.
     #[must_use]
     pub fn sight<P: Probe>(&self, elements: &Elements, a: ElementId, b: ElementId, probe: &mut P) -> Sight {
-        let (a, b) = canonical(elements, a, b);
-        let names = [elements.get(a).path.to_bits(), elements.get(b).path.to_bits()];
-        let seed = names.into_iter().fold(self.seed, |seed, name| mix(seed ^ name));
-        sight(
-            self.bsp,
-            self.scene,
-            &elements.patch(a),
-            &elements.patch(b),
-            self.sampling,
-            seed,
-            &mut Blocker::default(),
-            probe,
-        )
+        self.sight_of(named(elements, a), named(elements, b), probe)
+    }
+
+    /// [`Evaluator::sight`] of patches that are in no [`Elements`].
+    #[must_use]
+    pub fn sight_of<P: Probe>(&self, a: Named<'_>, b: Named<'_>, probe: &mut P) -> Sight {
+        let (a, b) = canonical(a, b);
+        let seed = self.seed_of(a, b);
+        sight(self.bsp, self.scene, &a.patch, &b.patch, self.sampling, seed, &mut Blocker::default(), probe)
+    }
+
+    fn seed_of(&self, a: Named<'_>, b: Named<'_>) -> u64 {
+        [a, b].into_iter().fold(self.seed, |seed, one| mix(seed ^ one.path.to_bits()))
     }
 }
 
+fn named(elements: &Elements, id: ElementId) -> Named<'_> {
+    Named { path: elements.get(id).path, patch: elements.patch(id) }
+}
+
 /// The pair in the order of paths.
-fn canonical(elements: &Elements, a: ElementId, b: ElementId) -> (ElementId, ElementId) {
-    if elements.get(a).path <= elements.get(b).path { (a, b) } else { (b, a) }
+fn canonical<'a>(a: Named<'a>, b: Named<'a>) -> (Named<'a>, Named<'a>) {
+    if a.path <= b.path { (a, b) } else { (b, a) }
 }

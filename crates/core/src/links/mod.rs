@@ -7,7 +7,7 @@ mod refine;
 mod store;
 
 pub use check::LinkViolation;
-pub use evaluate::Evaluator;
+pub use evaluate::{Evaluator, Named};
 pub use link::Link;
 pub use refine::{Hierarchy, Step, refine};
 pub use store::Links;

@@ -241,7 +241,7 @@ pub struct TreeViolation {
 /// The quarters of a patch: quadrant k < n touches corner k; the fourth of a triangle is its middle. Edge midpoints
 /// are exact means of their ends, so that neighbours agree on them bit for bit.
 #[must_use]
-pub(crate) fn quarter(corners: &Corners) -> [Corners; 4] {
+pub fn quarter(corners: &Corners) -> [Corners; 4] {
     let middle = |a: DVec3, b: DVec3| (a + b) * 0.5;
     match **corners {
         [a, b, c] => {

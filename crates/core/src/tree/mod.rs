@@ -6,7 +6,7 @@ mod elements;
 mod path;
 
 pub use bsp::{Bsp, BspViolation, InsertionOrder};
-pub use elements::{Element, ElementId, Elements, TreeViolation};
+pub use elements::{Element, ElementId, Elements, TreeViolation, quarter};
 pub use path::Path;
 
-pub(crate) use elements::{quadrant_of, quarter};
+pub(crate) use elements::quadrant_of;

@@ -41,6 +41,11 @@ impl Path {
         (self.0 >> (DEPTH_BITS + QUADRANT_BITS)) as u32
     }
 
+    /// The quadrants on the way down from the root.
+    pub fn quadrants(self) -> impl Iterator<Item = usize> {
+        (1..=self.depth()).map(move |level| (self.0 >> (DEPTH_BITS + QUADRANT_BITS - 2 * level) & 3) as usize)
+    }
+
     /// The packed number, for files and hashes.
     #[must_use]
     pub fn to_bits(self) -> u64 {
@@ -71,6 +76,7 @@ mod tests {
         assert!(sorted.is_sorted_by(|x, y| x < y));
         assert_eq!(root.child(3).child(2).depth(), 2);
         assert_eq!(root.child(3).child(2).root_index(), 7);
+        assert_eq!(root.child(3).child(0).child(2).quadrants().collect::<Vec<_>>(), [3, 0, 2]);
     }
 
     /// Catches overflow at the deepest level of the last root.
