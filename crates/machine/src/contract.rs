@@ -8,7 +8,7 @@ use crate::machine::{Fault, Machine, RunError, Wait};
 use crate::memory::{Home, Region};
 use crate::operation::{BarrierId, Condition, LockId, Prefix, Sequence, Work, WorkClass};
 use crate::processor::{Cause, Mark, Processor};
-use crate::protocols::{DistributedQueues, ParallelLoop, ParallelQueue, Termination, parallel_for};
+use crate::protocols::{DistributedQueues, ParallelLoop, ParallelQueue, StealCounts, Termination, parallel_for};
 use crate::run::Run;
 
 /// Makes a module `$name` of tests, one for each promise, on machines of each size of `$sizes`. `$make` takes a size and
@@ -23,7 +23,7 @@ macro_rules! contract_suite {
     ($name:ident, $make:expr, $sizes:expr) => {
         $crate::contract_suite!(@ $name, $make, $sizes,
             words mutual_exclusion barriers multiprefix no_lost_wake_up scans parallel_loops termination
-            distributed_queues parallel_queue accounts faults abandoned_barriers panics);
+            distributed_queues ends_of_queues parallel_queue accounts faults abandoned_barriers panics);
     };
     (@ $name:ident, $make:expr, $sizes:expr, $($check:ident)*) => {
         mod $name {
@@ -258,7 +258,13 @@ impl Tree {
     }
 
     /// Runs a task; what no queue takes is run here, too.
-    async fn run<P: Processor>(&self, p: &P, task: u64, mut put: impl AsyncFnMut(u64) -> bool) {
+    async fn run<P: Processor>(
+        &self,
+        p: &P,
+        task: u64,
+        mut put: impl AsyncFnMut(u64) -> bool,
+        mut finish: impl AsyncFnMut(),
+    ) {
         let mut mine = vec![task];
         while let Some(task) = mine.pop() {
             p.prefix(Prefix::Add, self.ran.at(task), 1).await;
@@ -269,13 +275,13 @@ impl Tree {
                     mine.push(child);
                 }
             }
-            self.open.finish(p).await;
+            finish().await;
         }
     }
 
-    fn check<M: Machine>(&self, machine: &M) {
+    fn check<M: Machine>(&self, machine: &M, rounds: u64) {
         for task in 0..self.tasks {
-            assert_eq!(machine.peek(self.ran.at(task)), 1, "runs of task {task}");
+            assert_eq!(machine.peek(self.ran.at(task)), rounds, "runs of task {task}");
         }
     }
 }
@@ -285,35 +291,91 @@ pub fn distributed_queues<M: Machine>(mut machine: M) {
     let tree = Tree::new(&mut machine, 300);
     let queues = DistributedQueues::<2>::new(&mut machine, "queues", 3).expect("fits");
     let run = machine.run(async |p: M::Processor| {
+        let mut counts = StealCounts::default();
         if p.id() == 0 {
-            assert!(queues.push(&p, 0, [0, 7]).await.is_ok());
+            assert!(queues.append(&p, 0, [0, 7]).await.is_ok());
         }
-        while let Some([task, seven]) = queues.next(&p, &tree.open).await {
+        while let Some([task, seven]) = queues.next(&p, &tree.open, &mut counts).await {
             assert_eq!(seven, 7, "a task's second word");
-            tree.run(&p, task, async |child| queues.push(&p, p.id(), [child, 7]).await.is_ok()).await;
+            let put = async |child| match child % 3 {
+                0 => queues.append(&p, p.id(), [child, 7]).await.is_ok(),
+                _ => queues.push(&p, p.id(), [child, 7]).await.is_ok(),
+            };
+            tree.run(&p, task, put, async || tree.open.finish(&p).await).await;
         }
-        queues.pop(&p).await
+        (queues.pop(&p).await, counts)
     });
-    assert!(good(run).values.iter().all(Option::is_none), "a task is left over");
-    tree.check(&machine);
+    let run = good(run);
+    assert!(run.values.iter().all(|(task, _)| task.is_none()), "a task is left over");
+    assert!(machine.count() > 1 || run.values[0].1 == StealCounts::default(), "one processor steals from nobody");
+    tree.check(&machine, 1);
 }
 
-/// The parallel queue delivers each task once, a full one included, and ends when all tasks are finished.
+/// An owner takes from the top, a thief from the tail; what is appended goes to the tail, what is pushed to the top.
+pub fn ends_of_queues<M: Machine>(mut machine: M) {
+    let queues = DistributedQueues::<1>::new(&mut machine, "queues", 5).expect("fits");
+    let barrier = machine.allocate_barriers(1);
+    let last = machine.count() - 1;
+    let run = machine.run(async |p: M::Processor| {
+        let mut counts = StealCounts::default();
+        let mut got = vec![];
+        if p.id() == 0 {
+            for round in 0..2 {
+                // From the top: 3, 1, 2, 4; the second time entries are used again.
+                let mut full = queues.append(&p, 0, [1]).await.is_err();
+                full |= queues.append(&p, 0, [2]).await.is_err();
+                full |= queues.push(&p, 0, [3]).await.is_err();
+                full |= queues.append(&p, 0, [4]).await.is_err();
+                assert!(!full, "four tasks fit into a queue of five");
+                while round == 0
+                    && let Some([task]) = queues.pop(&p).await
+                {
+                    got.push(task);
+                }
+            }
+            assert!(queues.push(&p, 0, [5]).await.is_ok());
+            assert!(queues.append(&p, 0, [6]).await.is_err() && queues.push(&p, 0, [6]).await.is_err());
+        }
+        p.barrier(barrier).await;
+        if p.id() == last {
+            while let Some([task]) = queues.steal(&p, 0, &mut counts).await {
+                got.push(task);
+            }
+        }
+        (got, counts)
+    });
+    let values = good(run).values;
+    let (owner, thief) = ([3, 1, 2, 4], [4, 2, 1, 3, 5]);
+    assert_eq!(values[0].0[..4], owner, "what the owner takes");
+    assert_eq!(values[last].0[values[last].0.len() - 5..], thief, "what the thief takes");
+    assert_eq!(values[last].1, StealCounts { successes: 5, failures: 1 });
+}
+
+/// The parallel queue delivers each task once, a full one included; each processor is told the end of each phase once, those
+/// without any task included.
 pub fn parallel_queue<M: Machine>(mut machine: M) {
     let tree = Tree::new(&mut machine, 300);
     let queue = ParallelQueue::<2>::new(&mut machine, "queue", 5).expect("fits");
+    let barrier = machine.allocate_barriers(1);
     let run = machine.run(async |p: M::Processor| {
-        if p.id() == 0 {
-            assert!(queue.enqueue(&p, [0, 7]).await.is_ok());
+        for roots in [1, 0, 0, 1, 1] {
+            if p.id() == 0 {
+                tree.open.reset(&p, roots).await;
+            }
+            p.barrier(barrier).await;
+            if p.id() == 0 && roots == 1 {
+                assert!(queue.enqueue(&p, [0, 7]).await.is_ok());
+            }
+            while let Some([task, seven]) = queue.next(&p, &tree.open).await {
+                assert_eq!(seven, 7, "a task's second word");
+                let put = async |child| queue.enqueue(&p, [child, 7]).await.is_ok();
+                tree.run(&p, task, put, async || queue.finish(&p, &tree.open).await).await;
+            }
+            p.barrier(barrier).await;
         }
-        while let Some([task, seven]) = queue.next(&p, &tree.open).await {
-            assert_eq!(seven, 7, "a task's second word");
-            tree.run(&p, task, async |child| queue.enqueue(&p, [child, 7]).await.is_ok()).await;
-        }
-        queue.dequeue(&p).await
     });
-    assert!(good(run).values.iter().all(Option::is_none), "a task is left over");
-    tree.check(&machine);
+    good(run);
+    tree.check(&machine, 3);
 }
 
 /// Every processor's time adds up to the clock; what it does is counted.

@@ -9,7 +9,9 @@ use std::pin::pin;
 use std::sync::Arc;
 use std::task::{Context, Poll, Waker};
 
-use isolux_machine::protocols::{DistributedQueues, ParallelLoop, ParallelQueue, Termination, parallel_for};
+use isolux_machine::protocols::{
+    DistributedQueues, ParallelLoop, ParallelQueue, StealCounts, Termination, parallel_for,
+};
 use isolux_machine::{
     Address, BarrierId, Cause, ClockUnit, Condition, Home, Layout, LockId, Machine, Mark, MemoryError, Prefix,
     Processor, Region, Run, RunError, Sequence, Work,
@@ -185,7 +187,7 @@ fn in_many_orders(body: fn()) {
 
 /// A chain of tasks and its side branches, run with a queue; each task must run once.
 macro_rules! delivers {
-    ($processors:expr, $tasks:expr, $make:expr, $put:expr, $next:expr) => {
+    ($processors:expr, $tasks:expr, $make:expr, $put:expr, $next:expr, $finish:expr) => {
         in_many_orders(|| {
             let mut machine = Checked::new($processors);
             let open = Termination::new(&mut machine, "open", 1).unwrap();
@@ -207,7 +209,7 @@ macro_rules! delivers {
                                     mine.push(child);
                                 }
                             }
-                            open.finish(&p).await;
+                            $finish(&queue, &p, &open).await;
                         }
                     }
                 })
@@ -226,21 +228,75 @@ fn distributed_queues_deliver_each_task_once() {
         3,
         5,
         |m: &mut Checked| DistributedQueues::<1>::new(m, "queues", 2).unwrap(),
-        async |q: &DistributedQueues<1>, p: &CheckedProcessor, task| q.push(p, p.id(), [task]).await.is_ok(),
-        async |q: &DistributedQueues<1>, p: &CheckedProcessor, open: &Termination| q.next(p, open).await
+        async |q: &DistributedQueues<1>, p: &CheckedProcessor, task| match task % 2 {
+            0 => q.push(p, p.id(), [task]).await.is_ok(),
+            _ => q.append(p, p.id(), [task]).await.is_ok(),
+        },
+        async |q: &DistributedQueues<1>, p: &CheckedProcessor, open: &Termination| {
+            q.next(p, open, &mut StealCounts::default()).await
+        },
+        async |_: &DistributedQueues<1>, p: &CheckedProcessor, open: &Termination| open.finish(p).await
     );
 }
 
-/// Catches slots used by two tasks at a time, tickets without a task, and a wait for ever; two slots make every wait occur.
+/// Catches slots used by two tasks at a time, tickets without a task or an end, and a wait for ever; two slots make every wait
+/// occur.
 #[test]
 fn the_parallel_queue_delivers_each_task_once() {
-    delivers!(
-        3,
-        5,
-        |m: &mut Checked| ParallelQueue::<1>::new(m, "queue", 2).unwrap(),
-        async |q: &ParallelQueue<1>, p: &CheckedProcessor, task| q.enqueue(p, [task]).await.is_ok(),
-        async |q: &ParallelQueue<1>, p: &CheckedProcessor, open: &Termination| q.next(p, open).await
-    );
+    macro_rules! with_slots {
+        ($processors:expr, $slots:expr) => {
+            delivers!(
+                $processors,
+                5,
+                |m: &mut Checked| ParallelQueue::<1>::new(m, "queue", $slots).unwrap(),
+                async |q: &ParallelQueue<1>, p: &CheckedProcessor, task| q.enqueue(p, [task]).await.is_ok(),
+                async |q: &ParallelQueue<1>, p: &CheckedProcessor, open: &Termination| q.next(p, open).await,
+                async |q: &ParallelQueue<1>, p: &CheckedProcessor, open: &Termination| q.finish(p, open).await
+            );
+        };
+    }
+    with_slots!(3, 1);
+    with_slots!(3, 2);
+    with_slots!(4, 8);
+}
+
+/// Catches an end that is told twice or to nobody, and tickets of one phase that are left to the next: phases of no task, one
+/// and three, on fewer slots than there are processors.
+#[test]
+fn phases_of_the_parallel_queue_end_and_leave_it_empty() {
+    in_many_orders(|| {
+        let mut machine = Checked::new(4);
+        let open = Termination::new(&mut machine, "open", 0).unwrap();
+        let ran = machine.allocate("ran", 1, Home::RoundRobin).unwrap().at(0);
+        let queue = ParallelQueue::<1>::new(&mut machine, "queue", 3).unwrap();
+        for (phase, tasks) in [0, 1, 0, 3].into_iter().enumerate() {
+            // Runs stand for what lies between two barriers.
+            machine
+                .run(async |p: CheckedProcessor| {
+                    if p.id() == 0 {
+                        open.reset(&p, tasks).await;
+                    }
+                })
+                .unwrap();
+            let run = machine
+                .run(async |p: CheckedProcessor| {
+                    let mut mine = 0;
+                    let made = tasks * u64::from(p.id() == 0);
+                    for task in 0..made {
+                        assert!(queue.enqueue(&p, [task]).await.is_ok());
+                    }
+                    while queue.next(&p, &open).await.is_some() {
+                        mine += 1;
+                        p.prefix(Prefix::Add, ran, 1).await;
+                        queue.finish(&p, &open).await;
+                    }
+                    mine
+                })
+                .unwrap();
+            assert_eq!(run.values.iter().sum::<u64>(), tasks, "phase {phase}");
+        }
+        assert_eq!(machine.peek(ran), 4);
+    });
 }
 
 /// Catches an index claimed twice or by nobody.

@@ -5,7 +5,9 @@
 use std::hint::black_box;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use isolux_machine::protocols::{DistributedQueues, ParallelLoop, ParallelQueue, Termination, parallel_for};
+use isolux_machine::protocols::{
+    DistributedQueues, ParallelLoop, ParallelQueue, StealCounts, Termination, parallel_for,
+};
 use isolux_machine::{Home, Machine, Prefix, Processor};
 use isolux_simulator::{SimulatedProcessor, Simulator, Spec};
 
@@ -56,7 +58,8 @@ fn distributed(processors: usize) -> u64 {
             if p.id() == 0 {
                 queues.push(&p, 0, [0]).await.expect("empty");
             }
-            while let Some([task]) = queues.next(&p, &open).await {
+            let mut counts = StealCounts::default();
+            while let Some([task]) = queues.next(&p, &open, &mut counts).await {
                 let children = 2 * task + 1..(2 * task + 3).min(TASKS);
                 open.add(&p, children.end.saturating_sub(children.start)).await;
                 for child in children {
@@ -85,7 +88,7 @@ fn parallel(processors: usize) -> u64 {
                 for child in children {
                     queue.enqueue(&p, [child]).await.expect("there are more slots than tasks");
                 }
-                open.finish(&p).await;
+                queue.finish(&p, &open).await;
             }
         })
         .expect("sound");

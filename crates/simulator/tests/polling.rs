@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used)]
 
-use isolux_machine::protocols::{DistributedQueues, ParallelQueue, Termination};
+use isolux_machine::protocols::{DistributedQueues, ParallelQueue, StealCounts, Termination};
 use isolux_machine::{
     BarrierId, Condition, Home, LockId, Machine, Mark, Prefix, Processor, Region, Run, RunError, Sequence, Work,
     WorkClass,
@@ -159,7 +159,7 @@ proptest! {
 
 /// A tree of tasks of different lengths through a queue, and its trace.
 macro_rules! queue_trace {
-    ($polling:expr, $processors:expr, $queue:expr, $put:expr, $next:expr) => {{
+    ($polling:expr, $processors:expr, $queue:expr, $put:expr, $next:expr, $finish:expr) => {{
         let mut machine = Simulator::new(&specs()[1], $processors, &["step"]).unwrap().traced(true).polling($polling);
         let queue = $queue(&mut machine);
         let open = Termination::new(&mut machine, "open", 1).unwrap();
@@ -178,7 +178,7 @@ macro_rules! queue_trace {
                                 mine.push(child);
                             }
                         }
-                        open.finish(&p).await;
+                        $finish(&queue, &p, &open).await;
                     }
                 }
             })
@@ -197,14 +197,18 @@ fn queues_run_the_same_with_computed_polls() {
                 processors,
                 |m: &mut Simulator| DistributedQueues::<1>::new(m, "queues", 4).unwrap(),
                 async |q: &DistributedQueues<1>, p: &SimulatedProcessor, t| q.push(p, p.id(), [t]).await.is_ok(),
-                async |q: &DistributedQueues<1>, p: &SimulatedProcessor, open: &Termination| q.next(p, open).await
+                async |q: &DistributedQueues<1>, p: &SimulatedProcessor, open: &Termination| {
+                    q.next(p, open, &mut StealCounts::default()).await
+                },
+                async |_: &DistributedQueues<1>, p: &SimulatedProcessor, open: &Termination| open.finish(p).await
             );
             let parallel = queue_trace!(
                 polling,
                 processors,
                 |m: &mut Simulator| ParallelQueue::<1>::new(m, "queue", 16).unwrap(),
                 async |q: &ParallelQueue<1>, p: &SimulatedProcessor, t| q.enqueue(p, [t]).await.is_ok(),
-                async |q: &ParallelQueue<1>, p: &SimulatedProcessor, open: &Termination| q.next(p, open).await
+                async |q: &ParallelQueue<1>, p: &SimulatedProcessor, open: &Termination| q.next(p, open).await,
+                async |q: &ParallelQueue<1>, p: &SimulatedProcessor, open: &Termination| q.finish(p, open).await
             );
             (distributed, parallel)
         });

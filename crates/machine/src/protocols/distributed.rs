@@ -1,27 +1,51 @@
 //! One lock-protected double-ended list of tasks per processor: the owner takes what came last, thieves take what came first.
 
-use super::{Full, Termination};
+use super::{Full, Termination, key};
 use crate::machine::Machine;
 use crate::memory::{Address, Home, MemoryError, Region};
 use crate::operation::{Condition, LockId, Sequence};
-use crate::processor::{Cause, Mark, Processor};
+use crate::processor::{Cause, Mark, Note, Processor};
 
 const LENGTH: u64 = 0;
 const TOP: u64 = 1;
-const FREE: u64 = 2;
-const ENTRIES: u64 = 3;
+const TAIL: u64 = 2;
+const FREE: u64 = 3;
+const ENTRIES: u64 = 4;
 
 const PUSH: Mark = Mark::new(Cause::Queue, "push");
 const POP: Mark = Mark::new(Cause::Queue, "pop");
 const STEAL: Mark = Mark::new(Cause::Steal, "steal");
 
-/// The queues of all processors. A task is a record of `W` words.
+/// The queues of all processors. A task is a record of `W` words, at most four.
 #[derive(Clone, Copy, Debug)]
 pub struct DistributedQueues<const W: usize> {
     region: Region,
     queues: usize,
     capacity: u64,
     locks: LockId,
+}
+
+/// How often a processor tried to take a task out of another's queue. The looks at lengths that led there are among the
+/// [`crate::Counts::polls`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct StealCounts {
+    /// It got one.
+    pub successes: u64,
+    /// The queue was empty when it came, before the lock or under it.
+    pub failures: u64,
+}
+
+impl StealCounts {
+    /// How often it tried.
+    pub fn tries(&self) -> u64 {
+        self.successes + self.failures
+    }
+
+    /// Adds another's counts.
+    pub fn add(&mut self, other: &Self) {
+        self.successes += other.successes;
+        self.failures += other.failures;
+    }
 }
 
 impl<const W: usize> DistributedQueues<W> {
@@ -50,12 +74,31 @@ impl<const W: usize> DistributedQueues<W> {
         self.queues
     }
 
-    /// Puts a task on top of a queue.
+    /// Puts a task on top of a queue: its owner takes it first.
     ///
     /// # Errors
     ///
     /// Gives the task back when the queue is full: the caller runs it itself.
     pub async fn push<P: Processor>(&self, p: &P, queue: usize, task: [u64; W]) -> Result<(), Full<[u64; W]>> {
+        self.put(p, queue, task, false).await
+    }
+
+    /// Puts a task at the tail of a queue: its owner takes it last, a thief first.
+    ///
+    /// # Errors
+    ///
+    /// Gives the task back when the queue is full: the caller runs it itself.
+    pub async fn append<P: Processor>(&self, p: &P, queue: usize, task: [u64; W]) -> Result<(), Full<[u64; W]>> {
+        self.put(p, queue, task, true).await
+    }
+
+    async fn put<P: Processor>(
+        &self,
+        p: &P,
+        queue: usize,
+        task: [u64; W],
+        at_tail: bool,
+    ) -> Result<(), Full<[u64; W]>> {
         let before = p.enter(PUSH);
         p.lock(self.lock(queue)).await;
         let length = p.load(self.word(queue, LENGTH)).await;
@@ -64,12 +107,20 @@ impl<const W: usize> DistributedQueues<W> {
             let entry = p.load(self.word(queue, FREE)).await;
             let unused = p.load(self.chain(queue, entry)).await;
             p.store(self.word(queue, FREE), unused).await;
-            for (i, word) in task.into_iter().enumerate() {
-                p.store(self.task(queue, entry, i), word).await;
+            p.store_block(self.chain(queue, entry).plus(1), task).await;
+            if at_tail && length > 0 {
+                let above = p.load(self.word(queue, TAIL)).await;
+                p.store(self.chain(queue, entry), 0).await;
+                p.store(self.chain(queue, above), entry).await;
+            } else {
+                let below = p.load(self.word(queue, TOP)).await;
+                p.store(self.chain(queue, entry), below).await;
+                p.store(self.word(queue, TOP), entry).await;
             }
-            let below = p.load(self.word(queue, TOP)).await;
-            p.store(self.chain(queue, entry), below).await;
-            p.store(self.word(queue, TOP), entry).await;
+            if at_tail || length == 0 {
+                p.store(self.word(queue, TAIL), entry).await;
+            }
+            p.note(Note::Spawn(key(task)));
             p.store(self.word(queue, LENGTH), length + 1).await;
         }
         p.unlock(self.lock(queue)).await;
@@ -77,7 +128,7 @@ impl<const W: usize> DistributedQueues<W> {
         if full { Err(Full(task)) } else { Ok(()) }
     }
 
-    /// Takes the task that came last into this processor's own queue.
+    /// Takes the task on top of this processor's own queue.
     pub async fn pop<P: Processor>(&self, p: &P) -> Option<[u64; W]> {
         let queue = p.id();
         let before = p.enter(POP);
@@ -96,35 +147,39 @@ impl<const W: usize> DistributedQueues<W> {
         task
     }
 
-    /// Takes the task that came first into another's queue, walking there from the top.
-    pub async fn steal<P: Processor>(&self, p: &P, queue: usize) -> Option<[u64; W]> {
+    /// Takes the task at the tail of another's queue, walking there from the top; `counts` tells whether it got one.
+    pub async fn steal<P: Processor>(&self, p: &P, queue: usize, counts: &mut StealCounts) -> Option<[u64; W]> {
         let before = p.enter(STEAL);
         let mut task = None;
         if p.load(self.word(queue, LENGTH)).await > 0 {
             p.lock(self.lock(queue)).await;
-            let mut entry = p.load(self.word(queue, TOP)).await;
+            let (mut above, mut entry) = (0, p.load(self.word(queue, TOP)).await);
             if entry != 0 {
-                let mut above = self.word(queue, TOP);
                 loop {
-                    let next = self.chain(queue, entry);
-                    let below = p.load(next).await;
+                    let below = p.load(self.chain(queue, entry)).await;
                     if below == 0 {
                         break;
                     }
-                    (above, entry) = (next, below);
+                    (above, entry) = (entry, below);
                 }
-                p.store(above, 0).await;
+                if above == 0 {
+                    p.store(self.word(queue, TOP), 0).await;
+                } else {
+                    p.store(self.chain(queue, above), 0).await;
+                    p.store(self.word(queue, TAIL), above).await;
+                }
                 task = Some(self.take(p, queue, entry).await);
             }
             p.unlock(self.lock(queue)).await;
         }
+        *(if task.is_some() { &mut counts.successes } else { &mut counts.failures }) += 1;
         p.enter(before);
         task
     }
 
     /// The next task: of the own queue, else of the nearest one that has any. Waits while there is none; `None` when all tasks
     /// are finished. The time of the search goes to `Cause::Idle`.
-    pub async fn next<P: Processor>(&self, p: &P, open: &Termination) -> Option<[u64; W]> {
+    pub async fn next<P: Processor>(&self, p: &P, open: &Termination, counts: &mut StealCounts) -> Option<[u64; W]> {
         let own = p.id();
         let stride = self.capacity * (1 + W as u64) + ENTRIES;
         let lengths = Sequence::around(self.word(0, LENGTH), stride, self.queues, own).and(open.done());
@@ -133,7 +188,7 @@ impl<const W: usize> DistributedQueues<W> {
             let found = p.scan(lengths, Condition::Positive).await;
             task = match lengths.cell(found)? {
                 queue if queue == own => self.pop(p).await,
-                queue => self.steal(p, queue).await,
+                queue => self.steal(p, queue, counts).await,
             };
         }
         task
@@ -141,15 +196,13 @@ impl<const W: usize> DistributedQueues<W> {
 
     /// Reads an entry that has left the chain of tasks and puts it into that of unused ones. The lock is held.
     async fn take<P: Processor>(&self, p: &P, queue: usize, entry: u64) -> [u64; W] {
-        let mut task = [0; W];
-        for (i, word) in task.iter_mut().enumerate() {
-            *word = p.load(self.task(queue, entry, i)).await;
-        }
+        let task = p.load_block(self.chain(queue, entry).plus(1)).await;
         let unused = p.load(self.word(queue, FREE)).await;
         p.store(self.chain(queue, entry), unused).await;
         p.store(self.word(queue, FREE), entry).await;
         let length = p.load(self.word(queue, LENGTH)).await;
         p.store(self.word(queue, LENGTH), length - 1).await;
+        p.note(Note::Start(key(task)));
         task
     }
 
@@ -164,9 +217,5 @@ impl<const W: usize> DistributedQueues<W> {
 
     fn chain(&self, queue: usize, entry: u64) -> Address {
         self.word(queue, ENTRIES + (entry - 1) * (1 + W as u64))
-    }
-
-    fn task(&self, queue: usize, entry: u64, word: usize) -> Address {
-        self.word(queue, ENTRIES + (entry - 1) * (1 + W as u64) + 1 + word as u64)
     }
 }

@@ -35,9 +35,14 @@ impl Termination {
 
     /// One task is finished, and has made what it makes.
     pub async fn finish<P: Processor>(&self, p: &P) {
-        if p.prefix(Prefix::Add, self.open, u64::MAX).await == 1 {
+        if self.take(p).await {
             p.store(self.done, 1).await;
         }
+    }
+
+    /// Takes a finished task from the count: whether it was the last one.
+    pub(super) async fn take<P: Processor>(&self, p: &P) -> bool {
+        p.prefix(Prefix::Add, self.open, u64::MAX).await == 1
     }
 
     /// Begins anew with so many tasks. One processor calls it, between two barriers.
