@@ -1,9 +1,9 @@
 //! The canonical evaluation of a pair: two elements go in, their form factor and visibility come out, the same
 //! numbers whichever of the two asks.
 
-use crate::kernels::Probe;
 use crate::kernels::form_factor::{FormFactor, exchange_area};
-use crate::kernels::visibility::{Blocker, Covered, Sampling, Sight, open_share, sight};
+use crate::kernels::visibility::{Blocker, Covered, Sampling, Sight, open_share, sight, sight_ray_by_ray};
+use crate::kernels::{Patch, Probe};
 use crate::sampling::mix;
 use crate::scene::Scene;
 use crate::tree::{Bsp, ElementId, Elements};
@@ -60,19 +60,23 @@ impl Evaluator<'_> {
     /// Visibility of the pair, and how it is known.
     #[must_use]
     pub fn sight<P: Probe>(&self, elements: &Elements, a: ElementId, b: ElementId, probe: &mut P) -> Sight {
+        let (a, b, seed) = self.named(elements, a, b);
+        sight(self.bsp, self.scene, &a, &b, self.sampling, seed, &mut Blocker::default(), probe)
+    }
+
+    /// As [`Evaluator::sight`], bit for bit; `probe` is told the walks of single rays.
+    #[must_use]
+    pub fn sight_ray_by_ray<P: Probe>(&self, elements: &Elements, a: ElementId, b: ElementId, probe: &mut P) -> Sight {
+        let (a, b, seed) = self.named(elements, a, b);
+        sight_ray_by_ray(self.bsp, self.scene, &a, &b, self.sampling, seed, probe)
+    }
+
+    /// The pair in its canonical order, and its seed.
+    fn named<'e>(&self, elements: &'e Elements, a: ElementId, b: ElementId) -> (Patch<'e>, Patch<'e>, u64) {
         let (a, b) = canonical(elements, a, b);
         let names = [elements.get(a).path.to_bits(), elements.get(b).path.to_bits()];
         let seed = names.into_iter().fold(self.seed, |seed, name| mix(seed ^ name));
-        sight(
-            self.bsp,
-            self.scene,
-            &elements.patch(a),
-            &elements.patch(b),
-            self.sampling,
-            seed,
-            &mut Blocker::default(),
-            probe,
-        )
+        (elements.patch(a), elements.patch(b), seed)
     }
 }
 
