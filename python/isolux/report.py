@@ -127,6 +127,10 @@ class Counts:
     fragment_tests: int
     oracle_decisions: int
     gathers: int
+    #: Pieces of polygons held against a plane as the BSP tree was built; 0 in older files.
+    cuts: int = 0
+    #: Pieces cut in two.
+    splits: int = 0
 
 
 @dataclasses.dataclass(frozen=True)

@@ -58,8 +58,8 @@ class Settings:
         Parts of elements that something covers: ``"left-out"``, an element is as bright as its open part,
         or ``"counted"`` as any other part.
     order
-        Insertion in the BSP tree: ``"as-given"``, ``"largest-first"``, ``"random"`` (by `seed`) or
-        ``"random:7"`` (by a seed of its own).
+        Insertion in the BSP tree: ``"as-given"``, ``"largest-first"``, ``"fewest-cuts"``, ``"random"`` (by
+        `seed`) or ``"random:7"`` (by a seed of its own).
     roots
         Roots of the quadtrees: ``"polygons"``, or the BSP tree's ``"fragments"``.
     interpolation

@@ -9,11 +9,12 @@ use inputs::{Make, built, empty, grey, v};
 use isolux_core::kernels::Counts;
 use isolux_core::kernels::visibility::Sight;
 use isolux_core::links::Hierarchy;
-use isolux_core::scene::Scene;
+use isolux_core::scene::{Corners, Scene};
 use isolux_core::solution::{
-    Parameters, Roots, Shadows, Site, Unobserved, Update, balance, irradiance_at_site, pilot_irradiance, row_sums,
+    Flow, Parameters, Roots, Shadows, Site, Solver, Unobserved, Update, balance, irradiance_at_site, pilot_irradiance,
+    row_sums,
 };
-use isolux_core::tree::{Bsp, ElementId, InsertionOrder};
+use isolux_core::tree::{Bsp, ElementId, InsertionOrder, fragment_roots};
 use isolux_core::units::Rgb;
 use settle::{parameters, settled};
 
@@ -71,6 +72,92 @@ fn settled_light_is_what_the_links_say() {
             assert!(off < 1e-10, "{update:?} {roots:?}: {off}");
         }
     }
+}
+
+/// Catches roots that are named by the order of arrival: a tree whose fragments came to rest in another order, as in a
+/// tree built in parallel, has the same roots, elements and light; and backs whose pieces are not those of their fronts.
+#[test]
+fn fragments_are_named_by_place() {
+    let mut input = empty();
+    let thing = input.object("thing");
+    let paint = input.material("two-sided", grey(0.5, 1.0));
+    input.materials[paint as usize].two_sided = true;
+    input.face(thing, paint, &[v(0.0, 0.0, 0.0), v(0.0, 0.0, 3.0), v(0.0, 3.0, 3.0), v(0.0, 3.0, 0.0)]);
+    let crossing = [v(-1.0, 1.0, 1.0), v(-1.0, 1.0, 2.0), v(1.0, 1.0, 2.0), v(1.0, 1.0, 1.0)];
+    input.face(thing, paint, &crossing);
+    let scene = built(input);
+    let whole = Bsp::build(&scene, InsertionOrder::AsGiven);
+    let mut halves = Bsp::new(&scene);
+    halves.insert(0, &scene.polygons[0].corners);
+    let [a, b, c, d] = [0, 1, 2, 3].map(|k| scene.polygons[1].corners[k]);
+    let middle = |p: isolux_core::DVec3, q| 0.5 * (p + q);
+    let parts = [Corners::quad(a, b, middle(b, c), middle(d, a)), Corners::quad(middle(d, a), middle(b, c), c, d)];
+    let mut order: Vec<usize> = (0..2).collect();
+    // Whichever the tree made first, the other one comes first here.
+    let made_first = whole.fragments()[1].corners.mean().distance(parts[0].mean()) < 1e-9;
+    order.sort_by_key(|&part| (part == 0) == made_first);
+    for part in order {
+        halves.insert(1, &parts[part]);
+    }
+    let corners = |bsp: &Bsp| bsp.fragments().iter().map(|fragment| fragment.corners.mean()).collect::<Vec<_>>();
+    assert_ne!(corners(&whole), corners(&halves));
+    let roots = [&whole, &halves].map(|bsp| fragment_roots(&scene, bsp));
+    assert_eq!(roots[0].len(), 6);
+    for (one, two) in roots[0].iter().zip(&roots[1]) {
+        assert_eq!((one.corners.mean(), one.polygon), (two.corners.mean(), two.polygon));
+    }
+    for (root, bsp) in [(&roots[0], &whole), (&roots[1], &halves)] {
+        for (index, root) in root.iter().enumerate() {
+            let fragment = &bsp.fragments()[root.fragment as usize];
+            let is_front = index < 3;
+            assert_eq!(root.polygon, fragment.polygon + if is_front { 0 } else { 2 });
+            assert_eq!(root.corners, if is_front { fragment.corners } else { fragment.corners.reversed() });
+        }
+    }
+    let parameters = Parameters { roots: Roots::Fragments, ..parameters(0.1, 0.1) };
+    let solver: Solver<'_, Counts> = Solver::new(&scene, &whole, parameters);
+    let elements = solver.hierarchy().elements.as_slice();
+    assert!(
+        elements.iter().map(|e| (e.corners, e.polygon)).eq(roots[0].iter().map(|root| (root.corners, root.polygon)))
+    );
+}
+
+/// Catches backs that sleep, wake or are linked against what the caller said, and a set that is too short.
+#[test]
+fn a_given_set_takes_part_from_the_start() {
+    let mut input = empty();
+    let thing = input.object("thing");
+    let paint = input.material("two-sided", grey(0.5, 0.0));
+    input.materials[paint as usize].two_sided = true;
+    input.inside_of_box(thing, paint, v(0.0, 0.0, 0.0), v(2.0, 1.0, 1.0));
+    input.outside_of_box(thing, paint, v(0.5, 0.2, 0.2), v(1.5, 0.8, 0.8));
+    let lamp = input.material("lamp", grey(0.0, 1.0));
+    input.faces[0].material = lamp;
+    let scene = built(input);
+    let bsp = Bsp::build(&scene, InsertionOrder::AsGiven);
+    let linked = |active: Vec<bool>| {
+        let parameters = parameters(10.0, 1.0);
+        let mut solver: Solver<'_, Counts> = Solver::with_active(&scene, &bsp, parameters, active);
+        assert_eq!(solver.link_roots(&mut Unobserved), Flow::Continue);
+        let receivers = |solver: &Solver<'_, Counts>| -> Vec<usize> {
+            let links = &solver.hierarchy().links;
+            (0..scene.polygons.len()).filter(|&root| !links.of(ElementId(root as u32)).is_empty()).collect()
+        };
+        let before = receivers(&solver);
+        for _ in 0..3 {
+            solver.iterate(&mut Unobserved).unwrap();
+        }
+        assert_eq!(before, receivers(&solver));
+        (before, solver.active().to_vec())
+    };
+    let all = scene.polygons.len();
+    // The box's outside sees nothing of the rest; backs of the block look at each other, dark as they are.
+    let (receivers, active) = linked(vec![true; all]);
+    assert!(active.iter().all(|&active| active));
+    assert!(receivers.iter().any(|&root| root >= scene.fronts), "{receivers:?}");
+    let (receivers, active) = linked(vec![true; scene.fronts]);
+    assert_eq!(active.iter().filter(|&&active| active).count(), scene.fronts);
+    assert_eq!(receivers, (0..scene.fronts).collect::<Vec<_>>());
 }
 
 /// Catches a balance that would close whatever the links are: with the links of one wall gone, light is missing.

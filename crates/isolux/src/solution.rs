@@ -92,15 +92,15 @@ impl Stopwatch {
     }
 }
 
-/// Inserts the scene's polygons; `None` when the observer stopped it.
-fn build_tree(scene: &Scene, settings: &Settings, observer: &mut dyn Observer) -> Option<Bsp> {
+/// Inserts the scene's polygons, counting in `counts`; `None` when the observer stopped it.
+fn build_tree(scene: &Scene, settings: &Settings, counts: &mut Counts, observer: &mut dyn Observer) -> Option<Bsp> {
     let mut watch = Watch::new(observer, Progress::of(Phase::Tree));
     if watch.ask(0.0) == Flow::Stop {
         return None;
     }
-    // A node that a piece comes by costs a hundredth of a visibility.
-    Bsp::build_while(scene, settings.order, &mut |visits, done| {
-        watch.step(1.0 + 0.01 * visits as f64, done) == Flow::Continue
+    // A piece at a node costs a hundredth of a visibility.
+    Bsp::build_while(scene, settings.order, counts, &mut |pieces, done| {
+        watch.step(1.0 + 0.01 * pieces as f64, done) == Flow::Continue
     })
 }
 
@@ -137,7 +137,8 @@ pub fn solve(scene: Arc<Scene>, settings: &Settings, observer: &mut dyn Observer
     }
     let mut watch = Stopwatch::start();
     let mut part = Part { observer, from: 0.0, to: TREE_SHARE, stopped: false };
-    let tree = build_tree(&scene, settings, &mut part);
+    let mut cut = Counts::default();
+    let tree = build_tree(&scene, settings, &mut cut, &mut part);
     watch.lap("tree");
     let mut part = Part { observer: part.observer, from: TREE_SHARE, to: PILOT_SHARE, stopped: false };
     let pilot = tree.as_ref().and_then(|bsp| pilot_irradiance(&scene, bsp, settings.seed, &mut part));
@@ -196,6 +197,7 @@ pub fn solve(scene: Arc<Scene>, settings: &Settings, observer: &mut dyn Observer
     }
     let evaluator = solver.evaluator();
     let (mut hierarchy, active, _, mut counts) = solver.finish();
+    counts.add(&cut);
     watch.lap("iteration");
     let mut rest = Part { observer: part.observer, from: SOLVER_SHARE, to: SMOOTH_SHARE, stopped: false };
     let smooth = if status == Status::Cancelled {

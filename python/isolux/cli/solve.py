@@ -110,7 +110,7 @@ def solve(
         str,
         typer.Option(
             metavar="ORDER",
-            help="Insertion in the BSP tree: as-given, largest-first, random, random:SEED.",
+            help="Insertion in the BSP tree: as-given, largest-first, fewest-cuts, random, random:SEED.",
             rich_help_panel=_METHOD,
         ),
     ] = "as-given",

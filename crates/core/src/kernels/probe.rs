@@ -15,6 +15,10 @@ pub trait Probe {
     fn node_visit(&mut self, _node: u32) {}
     /// A fragment was tested against a ray; `fragment` names it.
     fn fragment_test(&mut self, _fragment: u32) {}
+    /// A piece of a polygon came by a tree node and was classified against its plane; `node` names it.
+    fn cut(&mut self, _node: u32) {}
+    /// It was on both sides, and was cut in two.
+    fn split(&mut self) {}
     /// The oracle decided on a link.
     fn oracle(&mut self) {}
     /// One link was gathered.
@@ -46,6 +50,12 @@ pub struct Counts {
     pub oracle_decisions: u64,
     /// Links gathered.
     pub gathers: u64,
+    /// Pieces of polygons classified against a tree node's plane.
+    #[serde(default)]
+    pub cuts: u64,
+    /// Pieces cut in two.
+    #[serde(default)]
+    pub splits: u64,
 }
 
 impl Counts {
@@ -59,6 +69,8 @@ impl Counts {
         self.fragment_tests += other.fragment_tests;
         self.oracle_decisions += other.oracle_decisions;
         self.gathers += other.gathers;
+        self.cuts += other.cuts;
+        self.splits += other.splits;
     }
 }
 
@@ -78,6 +90,12 @@ impl Probe for Counts {
     }
     fn fragment_test(&mut self, _fragment: u32) {
         self.fragment_tests += 1;
+    }
+    fn cut(&mut self, _node: u32) {
+        self.cuts += 1;
+    }
+    fn split(&mut self) {
+        self.splits += 1;
     }
     fn oracle(&mut self) {
         self.oracle_decisions += 1;

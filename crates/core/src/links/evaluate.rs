@@ -1,9 +1,9 @@
 //! The canonical evaluation of a pair: two elements go in, their form factor and visibility come out, the same
 //! numbers whichever of the two asks.
 
-use crate::kernels::{Patch, Probe};
 use crate::kernels::form_factor::{FormFactor, exchange_area};
-use crate::kernels::visibility::{Blocker, Covered, Sampling, Sight, open_share, sight};
+use crate::kernels::visibility::{Blocker, Covered, Sampling, Sight, open_share, sight, sight_ray_by_ray};
+use crate::kernels::{Patch, Probe};
 use crate::sampling::mix;
 use crate::scene::Scene;
 use crate::tree::{Bsp, ElementId, Elements, Path};
@@ -84,6 +84,20 @@ impl Evaluator<'_> {
         let (a, b) = canonical(a, b);
         let seed = self.seed_of(a, b);
         sight(self.bsp, self.scene, &a.patch, &b.patch, self.sampling, seed, &mut Blocker::default(), probe)
+    }
+
+    /// As [`Evaluator::sight`], bit for bit; `probe` is told the walks of single rays.
+    #[must_use]
+    pub fn sight_ray_by_ray<P: Probe>(&self, elements: &Elements, a: ElementId, b: ElementId, probe: &mut P) -> Sight {
+        self.sight_ray_by_ray_of(named(elements, a), named(elements, b), probe)
+    }
+
+    /// [`Evaluator::sight_ray_by_ray`] of patches that are in no [`Elements`].
+    #[must_use]
+    pub fn sight_ray_by_ray_of<P: Probe>(&self, a: Named<'_>, b: Named<'_>, probe: &mut P) -> Sight {
+        let (a, b) = canonical(a, b);
+        let seed = self.seed_of(a, b);
+        sight_ray_by_ray(self.bsp, self.scene, &a.patch, &b.patch, self.sampling, seed, probe)
     }
 
     fn seed_of(&self, a: Named<'_>, b: Named<'_>) -> u64 {

@@ -1,6 +1,7 @@
 //! Corners of a triangle or convex quadrilateral, stored in place.
 
 use glam::DVec3;
+use std::cmp::Ordering;
 use std::ops::Deref;
 
 /// Three or four corners, counter-clockwise seen from the front; reads as a slice.
@@ -51,6 +52,16 @@ impl Corners {
     #[must_use]
     pub fn area(&self) -> f64 {
         0.5 * self.area_vector().length()
+    }
+
+    /// An order of outlines that rests on coordinates alone: by x, y and z of the corners in turn, then by their number.
+    #[must_use]
+    pub fn total_cmp(&self, other: &Corners) -> Ordering {
+        let by_corner = |(p, q): (&DVec3, &DVec3)| {
+            p.x.total_cmp(&q.x).then_with(|| p.y.total_cmp(&q.y)).then_with(|| p.z.total_cmp(&q.z))
+        };
+        let corners = self.iter().zip(other.iter()).map(by_corner);
+        corners.fold(Ordering::Equal, Ordering::then).then_with(|| self.len().cmp(&other.len()))
     }
 
     /// Mean of the corners (for a triangle: its centroid).

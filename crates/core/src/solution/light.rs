@@ -1,5 +1,7 @@
 //! Radiosity and irradiance of every element, and how they travel up and down the quadtrees.
 
+use super::sums::tree_sum;
+use super::values::{Values, pulled, settled};
 use crate::scene::{Polygon, Scene};
 use crate::tree::{ElementId, Elements};
 use crate::units::Rgb;
@@ -96,41 +98,28 @@ impl Light {
     /// The open part of a leaf of `polygon` receives `open` on average, W/m² or lm/m²: `B = E + rho open`, and
     /// `H = s open` with the open share s. Where nothing is open, nothing arrives.
     pub fn settle(&mut self, id: ElementId, polygon: &Polygon, open: Rgb) {
-        let open_share = self.open_share[id.index()];
-        let open = if open_share > 0.0 { open } else { Rgb::ZERO };
-        self.set(id, open * open_share, polygon.emission + polygon.reflectance * open);
+        let values = settled(polygon.emission, polygon.reflectance, open, self.open_share[id.index()]);
+        self.set(id, values);
     }
 
-    fn set(&mut self, id: ElementId, irradiance: Rgb, radiosity: Rgb) {
-        self.irradiance[id.index()] = irradiance;
-        self.fresh()[id.index()] = radiosity;
+    fn set(&mut self, id: ElementId, values: Values) {
+        self.open_share[id.index()] = values.open_share;
+        self.irradiance[id.index()] = values.irradiance;
+        self.fresh()[id.index()] = values.radiosity;
     }
 
     /// Pulls the means of the children up into their parent: irradiance and open share weighted by area (D17), radiosity by
     /// open area. Equal children give exactly their value.
     pub fn pull(&mut self, parent: ElementId, elements: &Elements) {
-        let area = elements.get(parent).area;
         let Some(first) = elements.get(parent).first_child.some() else { return };
         let children = [0, 1, 2, 3].map(|k| first.index() + k);
         let areas = children.map(|child| elements.as_slice()[child].area);
-        let by_area = areas.map(|child| child / area);
-        let base = self.open_share[first.index()];
-        let shares = children.into_iter().zip(by_area);
-        let open_share = shares.fold(base, |sum, (child, share)| sum + (self.open_share[child] - base) * share);
-        let mut open = [0, 1, 2, 3].map(|k| areas[k] * self.open_share[children[k]]);
-        let open_area: f64 = open.iter().sum();
-        open = open.map(|child| child / open_area);
-        let mean = |values: &[Rgb], weights: [f64; 4]| {
-            let base = values[first.index()];
-            let children = children.into_iter().zip(weights);
-            children.fold(base, |sum, (child, weight)| sum + (values[child] - base) * weight)
-        };
-        let irradiance = mean(&self.irradiance, by_area);
-        let weights = if open_share < 1.0 && open_area > 0.0 { open } else { by_area };
-        let radiosity = mean(self.fresh(), weights);
-        self.open_share[parent.index()] = open_share;
-        self.irradiance[parent.index()] = irradiance;
-        self.fresh()[parent.index()] = radiosity;
+        let values = children.map(|child| Values {
+            radiosity: self.fresh()[child],
+            irradiance: self.irradiance[child],
+            open_share: self.open_share[child],
+        });
+        self.set(parent, pulled(values, areas, elements.get(parent).area));
     }
 
     /// Ends an iteration: what was computed in it is now seen by all.
@@ -140,13 +129,12 @@ impl Light {
         }
     }
 
-    /// Sum of open area times radiosity over the roots, W or lm: all that leaves.
+    /// Sum of open area times radiosity over the roots, W or lm: all that leaves; by [`tree_sum`] over the roots in order.
     #[must_use]
     pub fn total(&self, elements: &Elements) -> Rgb {
-        (0..elements.roots() as u32)
-            .map(ElementId)
-            .map(|root| self.radiosity(root) * (elements.get(root).area * self.open_share(root)))
-            .sum()
+        let roots = (0..elements.roots() as u32).map(ElementId);
+        let leaving = |root| self.radiosity(root) * (elements.get(root).area * self.open_share(root));
+        tree_sum(&roots.map(leaving).collect::<Vec<Rgb>>(), Rgb::ZERO)
     }
 
     fn fresh(&mut self) -> &mut Vec<Rgb> {

@@ -8,7 +8,9 @@ mod mesh;
 mod pilot;
 mod progress;
 mod solver;
+mod sums;
 mod trace;
+mod values;
 mod vertex_gather;
 
 pub use balance::{Balance, RowSums, balance, row_sums};
@@ -18,4 +20,6 @@ pub use mesh::SurfaceMesh;
 pub use pilot::pilot_irradiance;
 pub use progress::{Flow, Observer, Phase, Progress, Unobserved, WATCH_INTERVAL, Watch};
 pub use solver::{Interpolation, Iteration, Parameters, Roots, Solver, Stop};
+pub use sums::{GATHER_CHUNK, gather_sum, tree_sum};
+pub use values::{Values, area_weights, mean_of_children, pulled, reflected, settled};
 pub use vertex_gather::{Gathered, Shadows, irradiance_at_site};

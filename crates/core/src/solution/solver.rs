@@ -2,16 +2,17 @@
 //! a hierarchy with light comes out. Time is the caller's.
 
 use super::backs::LazyBacks;
+use super::sums::gather_sum;
 use super::{Flow, Light, Observer, Phase, Progress, Update, WATCH_INTERVAL, Watch};
 use crate::kernels::Probe;
 use crate::kernels::form_factor::FormFactor;
 use crate::kernels::oracle::Thresholds;
 use crate::kernels::visibility::{Covered, Sampling};
 use crate::links::{Evaluator, Hierarchy, Link, Links, Step, refine};
-use crate::scene::{Plane, Scene, Side};
-use crate::tree::{Bsp, ElementId, Elements};
+use crate::scene::{Corners, Plane, Scene, Side};
+use crate::tree::{Bsp, ElementId, Elements, fragment_roots};
 use crate::units::Rgb;
-use std::ops::Range;
+use std::ops::{Add, Range};
 
 /// What the roots of the quadtrees are (D1).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -98,6 +99,8 @@ pub struct Solver<'a, P> {
     hierarchy: Hierarchy,
     roots_of: Vec<Range<u32>>,
     active: Vec<bool>,
+    /// Do polygons that are not active wake when light can reach them?
+    backs_sleep: bool,
     backs: LazyBacks,
     /// What kernels did so far.
     pub probe: P,
@@ -108,33 +111,34 @@ pub struct Solver<'a, P> {
 }
 
 impl<'a, P: Probe + Default> Solver<'a, P> {
-    /// Roots without links, lit by their own emission only.
+    /// Roots without links, lit by their own emission only. Fronts and backs that emit take part; other backs sleep until
+    /// light can reach them.
     #[must_use]
     pub fn new(scene: &'a Scene, bsp: &'a Bsp, parameters: Parameters) -> Solver<'a, P> {
+        let active = scene.polygons.iter().map(|polygon| polygon.side == Side::Front || polygon.emission != Rgb::ZERO);
+        let active = active.collect();
+        Solver { backs_sleep: true, ..Solver::with_active(scene, bsp, parameters, active) }
+    }
+
+    /// As [`Solver::new`], with a fixed set of polygons: those that `active` says (none beyond its end) take part, and are
+    /// linked from the start; the others have roots, and never a link.
+    #[must_use]
+    pub fn with_active(scene: &'a Scene, bsp: &'a Bsp, parameters: Parameters, mut active: Vec<bool>) -> Solver<'a, P> {
+        active.resize(scene.polygons.len(), false);
         let planes: Vec<Plane> = scene.polygons.iter().map(|polygon| polygon.plane).collect();
-        let mut roots = Vec::new();
+        let roots: Vec<(Corners, u32)> = match parameters.roots {
+            Roots::Polygons => scene.polygons.iter().map(|polygon| polygon.corners).zip(0..).collect(),
+            Roots::Fragments => fragment_roots(scene, bsp).iter().map(|root| (root.corners, root.polygon)).collect(),
+        };
         let mut roots_of = Vec::with_capacity(scene.polygons.len());
-        let mut fragments_of = vec![Vec::new(); scene.fronts];
-        for fragment in bsp.fragments() {
-            fragments_of[fragment.polygon as usize].push(fragment.corners);
-        }
-        for (index, polygon) in scene.polygons.iter().enumerate() {
-            let first = roots.len() as u32;
-            match (parameters.roots, polygon.side, polygon.twin) {
-                (Roots::Polygons, ..) => roots.push((polygon.corners, index as u32)),
-                (Roots::Fragments, Side::Back, Some(front)) => {
-                    roots.extend(fragments_of[front as usize].iter().map(|corners| (corners.reversed(), index as u32)))
-                }
-                (Roots::Fragments, ..) => {
-                    roots.extend(fragments_of[index].iter().map(|&corners| (corners, index as u32)));
-                }
-            }
-            roots_of.push(first..roots.len() as u32);
+        let mut at = 0;
+        for index in 0..scene.polygons.len() as u32 {
+            let first = at;
+            at += roots[first as usize..].iter().take_while(|&&(_, polygon)| polygon == index).count() as u32;
+            roots_of.push(first..at);
         }
         let elements = Elements::new(roots, planes);
         let links = Links::new(elements.len());
-        let active = scene.polygons.iter().map(|polygon| polygon.side == Side::Front || polygon.emission != Rgb::ZERO);
-        let active: Vec<bool> = active.collect();
         let Parameters { form_factor, sampling, covered, seed, .. } = parameters;
         let evaluator = Evaluator { scene, bsp, form_factor, sampling, covered, seed };
         let mut probe = P::default();
@@ -145,6 +149,7 @@ impl<'a, P: Probe + Default> Solver<'a, P> {
             evaluator,
             parameters,
             hierarchy: Hierarchy { elements, links, light },
+            backs_sleep: false,
             backs: LazyBacks::default(),
             roots_of,
             active,
@@ -184,9 +189,11 @@ impl<'a, P: Probe + Default> Solver<'a, P> {
     pub fn link_roots(&mut self, observer: &mut dyn Observer) -> Flow {
         let Evaluator { scene, bsp, seed, .. } = self.evaluator;
         let mut watch = Watch::new(observer, Progress::of(Phase::RootLinks));
-        match LazyBacks::new(scene, bsp, &self.active, seed, &mut watch) {
-            Some(backs) => self.backs = backs,
-            None => return self.cancel(),
+        if self.backs_sleep {
+            match LazyBacks::new(scene, bsp, &self.active, seed, &mut watch) {
+                Some(backs) => self.backs = backs,
+                None => return self.cancel(),
+            }
         }
         let polygons: Vec<u32> = (0..self.active.len() as u32).filter(|&index| self.active[index as usize]).collect();
         for (count, &one) in polygons.iter().enumerate() {
@@ -357,27 +364,24 @@ impl<'a, P: Probe + Default> Solver<'a, P> {
         Flow::Continue
     }
 
-    /// `arriving`, and what the element's own links bring: `sum F V B`, which lands on its open part alone.
+    /// `arriving`, and what the element's own links bring: `sum F V B` (by [`gather_sum`]), which lands on its open part
+    /// alone.
     fn gather(&mut self, id: ElementId, arriving: Arriving) -> Arriving {
         let list = self.hierarchy.links.of(id);
         self.forecast.gathered(list.len());
-        let mut own = Arriving::default();
-        for link in list {
-            self.probe.gather();
+        let (light, probe) = (&self.hierarchy.light, &mut self.probe);
+        let terms = list.iter().map(|link| {
+            probe.gather();
             let weight = link.weight();
-            own.irradiance += self.hierarchy.light.radiosity(link.source) * weight;
-            own.openness += weight;
-        }
+            Arriving { irradiance: light.radiosity(link.source) * weight, openness: weight, partly: false }
+        });
+        let mut own = gather_sum(terms, Arriving::default());
         let open_share = self.hierarchy.light.open_share(id);
         if open_share < 1.0 {
             let open = if open_share > 0.0 { 1.0 / open_share } else { 0.0 };
             own = Arriving { irradiance: own.irradiance * open, openness: own.openness * open, partly: true };
         }
-        Arriving {
-            irradiance: arriving.irradiance + own.irradiance,
-            openness: arriving.openness + own.openness,
-            partly: arriving.partly || own.partly,
-        }
+        arriving + own
     }
 
     /// Where something covers the element or an ancestor, both its open share and its visibilities are estimates, and their
@@ -467,6 +471,17 @@ struct Arriving {
     openness: f64,
     /// Is one of them partly covered?
     partly: bool,
+}
+
+impl Add for Arriving {
+    type Output = Arriving;
+    fn add(self, other: Arriving) -> Arriving {
+        Arriving {
+            irradiance: self.irradiance + other.irradiance,
+            openness: self.openness + other.openness,
+            partly: self.partly || other.partly,
+        }
+    }
 }
 
 /// How much work is left, in units of one visibility: a measure for progress bars, corrected as work is done.

@@ -4,9 +4,11 @@
 pub mod bsp;
 mod elements;
 mod path;
+mod roots;
 
 pub use bsp::{Bsp, BspViolation, InsertionOrder};
 pub use elements::{Element, ElementId, Elements, TreeViolation, quarter};
 pub use path::Path;
+pub use roots::{FragmentRoot, fragment_roots};
 
 pub(crate) use elements::quadrant_of;

@@ -78,15 +78,7 @@ fn order(a: &Patch, b: &Patch) -> Ordering {
     if (a.area - b.area).abs() > EQUAL_AREAS * a.area.max(b.area) {
         return a.area.total_cmp(&b.area);
     }
-    for (p, q) in a.corners.iter().zip(b.corners.iter()) {
-        for (x, y) in [(p.x, q.x), (p.y, q.y), (p.z, q.z)] {
-            let corner = x.total_cmp(&y);
-            if corner != Ordering::Equal {
-                return corner;
-            }
-        }
-    }
-    a.corners.len().cmp(&b.corners.len())
+    a.corners.total_cmp(b.corners)
 }
 
 /// Where one regime of [`exchange_area`] ends and the next begins.

@@ -14,7 +14,7 @@ pub use open_share::{is_open, open_share};
 pub use point::point_visibility;
 pub(crate) use sample::SplitMix64;
 
-use crate::kernels::{Patch, Probe};
+use crate::kernels::{NoProbe, Patch, Probe};
 use crate::scene::Scene;
 use crate::tree::bsp::{Beam, Bsp, Packet, Segment, Surface, Verdict};
 use glam::DVec3;
@@ -405,6 +405,24 @@ pub fn visibility_ray_by_ray<P: Probe>(
         let drawn = pair.draw(seed, |sample| sample.crossed());
         passed(&drawn.rays, drawn.equal).unwrap_or(0.0)
     })
+}
+
+/// As [`sight`] without a hint, bit for bit, told to `probe` as rays that walk the tree one by one: proven or not, every
+/// ray walks until something opaque stops it, as in [`visibility_ray_by_ray`].
+pub fn sight_ray_by_ray<P: Probe>(
+    bsp: &Bsp,
+    scene: &Scene,
+    a: &Patch,
+    b: &Patch,
+    sampling: impl Into<Sampling>,
+    seed: u64,
+    probe: &mut P,
+) -> Sight {
+    let sampling = sampling.into();
+    let share = visibility_ray_by_ray(bsp, scene, a, b, sampling, seed, probe);
+    let sight = sight(bsp, scene, a, b, sampling, seed, &mut Blocker::default(), &mut NoProbe);
+    debug_assert_eq!(sight.share.to_bits(), share.to_bits());
+    sight
 }
 
 #[cfg(test)]

@@ -112,15 +112,20 @@ impl Bsp {
         bsp
     }
 
-    /// As [`Bsp::build`]; `go_on` hears after each polygon how many nodes it came by and which share of the polygons is
-    /// inserted. `None` when it says no.
-    pub fn build_while(scene: &Scene, order: InsertionOrder, go_on: &mut dyn FnMut(u64, f64) -> bool) -> Option<Bsp> {
+    /// As [`Bsp::build`], telling `counts` what was cut; `go_on` hears from time to time how many pieces were looked at since
+    /// it was asked last, and which share of the polygons is inserted. `None` when it says no.
+    pub fn build_while(
+        scene: &Scene,
+        order: InsertionOrder,
+        counts: &mut Counts,
+        go_on: &mut dyn FnMut(u64, f64) -> bool,
+    ) -> Option<Bsp> {
         let mut bsp = Bsp::new(scene);
-        let sequence = order.sequence(scene);
+        let sequence = order.sequence_while(scene, &mut |pieces| go_on(pieces, 0.0))?;
         for (count, &polygon) in sequence.iter().enumerate() {
-            let mut visits = Counts::default();
-            bsp.insert_counted(polygon, &scene.polygons[polygon as usize].corners, &mut visits);
-            if !go_on(visits.node_visits, (count + 1) as f64 / sequence.len() as f64) {
+            let before = counts.cuts;
+            bsp.insert_counted(polygon, &scene.polygons[polygon as usize].corners, counts);
+            if !go_on(counts.cuts - before, (count + 1) as f64 / sequence.len() as f64) {
                 return None;
             }
         }
@@ -132,7 +137,7 @@ impl Bsp {
         self.insert_counted(polygon, corners, &mut NoProbe)
     }
 
-    /// As [`Bsp::insert`]; tells `probe` the nodes that the pieces come by.
+    /// As [`Bsp::insert`]; tells `probe` the nodes that the pieces come by, and what is cut in two.
     ///
     /// Pieces are worked off from a list, the front ones first, so that a tree of any depth needs no call stack.
     pub fn insert_counted<P: Probe>(&mut self, polygon: u32, corners: &Corners, probe: &mut P) -> Range<u32> {
@@ -144,7 +149,7 @@ impl Bsp {
             return first..self.fragments.len() as u32;
         }
         while let Some((node, piece)) = current.take().or_else(|| open.pop()) {
-            probe.node_visit(node);
+            probe.cut(node);
             self.nodes[node as usize].grow(&piece, MARGIN * self.tolerance);
             let (front, back) = match cut(&piece, &self.nodes[node as usize].plane, self.tolerance) {
                 Cut::Coplanar => {
@@ -153,7 +158,10 @@ impl Bsp {
                 }
                 Cut::Front => (Pieces::one(piece), Pieces::NONE),
                 Cut::Back => (Pieces::NONE, Pieces::one(piece)),
-                Cut::Both { front, back } => (front, back),
+                Cut::Both { front, back } => {
+                    probe.split();
+                    (front, back)
+                }
             };
             // Pushed in reverse, so that front pieces are worked off first.
             for &part in back.iter().rev() {
