@@ -2,6 +2,7 @@
 
 mod backs;
 mod balance;
+mod corner_values;
 mod interpolate;
 mod light;
 mod mesh;
@@ -14,6 +15,7 @@ mod values;
 mod vertex_gather;
 
 pub use balance::{Balance, RowSums, balance, row_sums};
+pub use corner_values::{around_corner, corner_mean};
 pub use interpolate::{Site, SmoothPlan, SmoothSurfaces};
 pub use light::{Light, LightViolation, Update};
 pub use mesh::SurfaceMesh;

@@ -267,8 +267,9 @@ pub fn quarter(corners: &Corners) -> [Corners; 4] {
     }
 }
 
-/// Which quarter of `corners` holds `point`.
-pub(crate) fn quadrant_of(corners: &Corners, normal: DVec3, point: DVec3) -> u32 {
+/// Which quarter of `corners` holds `point`, numbered as by [`quarter`].
+#[must_use]
+pub fn quadrant_of(corners: &Corners, normal: DVec3, point: DVec3) -> u32 {
     // Positive on the left of the line from `from` to `to`, seen from the front.
     let left = |from: DVec3, to: DVec3| normal.dot((to - from).cross(point - from)) > 0.0;
     let middle = |a: DVec3, b: DVec3| (a + b) * 0.5;

@@ -7,8 +7,6 @@ mod path;
 mod roots;
 
 pub use bsp::{Bsp, BspViolation, InsertionOrder};
-pub use elements::{Element, ElementId, Elements, TreeViolation, quarter};
+pub use elements::{Element, ElementId, Elements, TreeViolation, quadrant_of, quarter};
 pub use path::Path;
 pub use roots::{FragmentRoot, fragment_roots};
-
-pub(crate) use elements::quadrant_of;

@@ -1,0 +1,66 @@
+//! Classes of work: what kernels count goes in, what a machine is charged comes out. What one of a class costs is the
+//! machine's affair; the figures of the simulated ones are in `cost_model.toml`.
+
+use isolux_core::kernels::Counts;
+use isolux_machine::{Work, WorkClass};
+
+/// The names of all classes, in the order of their numbers.
+pub const CLASSES: [&str; 16] = [
+    "form_factor",
+    "form_factor_term",
+    "visibility",
+    "ray",
+    "node_visit",
+    "fragment_test",
+    "oracle",
+    "gather",
+    "cut",
+    "split",
+    "settle",
+    "pull",
+    "order",
+    "queue",
+    "cull",
+    "interpolate",
+];
+
+/// Instructions for one of each class, as a table `[work]`.
+pub const COST_MODEL: &str = include_str!("cost_model.toml");
+
+/// A decision about one link.
+pub(crate) const ORACLE: WorkClass = WorkClass(6);
+/// One link's term of a sum of light.
+pub(crate) const GATHER: WorkClass = WorkClass(7);
+/// A piece was compared with a plane.
+pub(crate) const CUT: WorkClass = WorkClass(8);
+/// A piece was cut in two.
+pub(crate) const SPLIT: WorkClass = WorkClass(9);
+/// A leaf got its radiosity.
+pub(crate) const SETTLE: WorkClass = WorkClass(10);
+/// A parent got the means of its children.
+pub(crate) const PULL: WorkClass = WorkClass(11);
+/// A link found its place in the order of a list.
+pub(crate) const ORDER: WorkClass = WorkClass(12);
+/// A task was put into a queue, or taken out.
+pub(crate) const QUEUE: WorkClass = WorkClass(13);
+/// Two polygons were asked whether they face each other.
+pub(crate) const CULL: WorkClass = WorkClass(14);
+/// A leaf around a vertex was found and added.
+pub(crate) const INTERPOLATE: WorkClass = WorkClass(15);
+
+/// What a kernel counted, by class.
+pub(crate) fn of_kernel(counts: &Counts) -> Work {
+    let mut work = Work::default();
+    let by_class = [
+        counts.form_factors,
+        counts.form_factor_terms,
+        counts.visibilities,
+        counts.rays,
+        counts.node_visits,
+        counts.fragment_tests,
+    ];
+    for (class, count) in by_class.into_iter().enumerate() {
+        work.add(&Work::of(WorkClass(class), count));
+    }
+    work
+}
