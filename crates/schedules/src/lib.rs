@@ -2,7 +2,8 @@
 //! went, come out. What kernels compute is left to `isolux-core`, what operations cost to the machine.
 //!
 //! Two organisations make tasks, after Podehl, Rauber and Rünger (1996): `splash`, SPLASH-2's, with a queue for each processor
-//! and stealing; and `sbpram`, with one queue and loops. [`Switches`] lead from the one to the other. Everything that tasks
+//! and stealing; and `sbpram`, with one queue and loops. [`Switches`] lead from the one to the other. The third, `wavefront`, has
+//! loops alone. Everything that tasks
 //! share lies in words of the machine (`store.rs`), so each organisation is one program for real threads and for simulated
 //! machines alike.
 
@@ -17,6 +18,7 @@ mod splash;
 mod store;
 mod task;
 mod variant;
+mod wavefront;
 mod worker;
 
 pub use cost::{CLASSES, COST_MODEL};

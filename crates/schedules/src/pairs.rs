@@ -20,6 +20,9 @@ pub struct Touched {
     pub fragments: Vec<u32>,
 }
 
+/// Parts that the evaluation of a visibility can be cut into: one for each of 16 rays.
+pub(crate) const RAY_PARTS: usize = 16;
+
 /// Evaluates pairs.
 pub trait Pairs: Sync {
     /// The exchange area `A_a F_ab = A_b F_ba`, m², and the work of one evaluation.
@@ -27,6 +30,14 @@ pub trait Pairs: Sync {
 
     /// The visibility, and the work of one evaluation.
     fn sight(&self, a: &Place, b: &Place) -> (Sight, Work);
+
+    /// The visibility, and the work of its evaluation in 16 parts that can be done one by one: a ray each.
+    fn sight_in_parts(&self, a: &Place, b: &Place) -> (Sight, [Work; 16]) {
+        let (sight, work) = self.sight(a, b);
+        let mut parts = [Work::default(); RAY_PARTS];
+        parts[0] = work;
+        (sight, parts)
+    }
 
     /// What the rays of the visibility touch.
     fn touched(&self, a: &Place, b: &Place) -> Arc<Touched>;
@@ -77,9 +88,49 @@ type PairKey = [u64; 2];
 #[derive(Clone, Copy, Debug)]
 struct Seen {
     sight: Sight,
-    rays: u32,
-    node_visits: u32,
-    fragment_tests: u32,
+    /// Rays, node visits and fragment tests of each part.
+    parts: [[u16; 3]; RAY_PARTS],
+}
+
+impl Seen {
+    fn part(&self, part: usize) -> Counts {
+        let [rays, node_visits, fragment_tests] = self.parts[part].map(u64::from);
+        let visibilities = u64::from(part == 0);
+        Counts { visibilities, rays, node_visits, fragment_tests, ..Counts::default() }
+    }
+
+    fn all(&self) -> Counts {
+        let mut all = Counts::default();
+        (0..RAY_PARTS).for_each(|part| all.add(&self.part(part)));
+        all
+    }
+}
+
+/// Counts ray by ray; of more than [`RAY_PARTS`] rays, several share a part.
+#[derive(Default)]
+struct PartCounts {
+    rays: usize,
+    parts: [[u16; 3]; RAY_PARTS],
+}
+
+impl PartCounts {
+    fn count(&mut self, what: usize) {
+        let count = &mut self.parts[self.rays.saturating_sub(1) % RAY_PARTS][what];
+        *count = count.saturating_add(1);
+    }
+}
+
+impl Probe for PartCounts {
+    fn ray(&mut self) {
+        self.rays += 1;
+        self.count(0);
+    }
+    fn node_visit(&mut self, _node: u32) {
+        self.count(1);
+    }
+    fn fragment_test(&mut self, _fragment: u32) {
+        self.count(2);
+    }
 }
 
 #[derive(Debug, Default)]
@@ -127,6 +178,21 @@ impl<'a> Remembered<'a> {
     }
 }
 
+impl Remembered<'_> {
+    fn seen(&self, a: &Place, b: &Place) -> Seen {
+        let key = key(a, b);
+        let known = self.memory.shard(key).seen.get(&key).copied();
+        known.unwrap_or_else(|| {
+            let mut counts = PartCounts::default();
+            let (a, b) = (self.problem.named(a), self.problem.named(b));
+            let sight = self.evaluator.sight_ray_by_ray_of(a, b, &mut counts);
+            let seen = Seen { sight, parts: counts.parts };
+            self.memory.shard(key).seen.insert(key, seen);
+            seen
+        })
+    }
+}
+
 fn key(a: &Place, b: &Place) -> PairKey {
     let (a, b) = (a.path.to_bits(), b.path.to_bits());
     [a.min(b), a.max(b)]
@@ -169,29 +235,13 @@ impl Pairs for Remembered<'_> {
     }
 
     fn sight(&self, a: &Place, b: &Place) -> (Sight, Work) {
-        let key = key(a, b);
-        let known = self.memory.shard(key).seen.get(&key).copied();
-        let seen = known.unwrap_or_else(|| {
-            let mut counts = Counts::default();
-            let (a, b) = (self.problem.named(a), self.problem.named(b));
-            let sight = self.evaluator.sight_ray_by_ray_of(a, b, &mut counts);
-            let seen = Seen {
-                sight,
-                rays: counts.rays as u32,
-                node_visits: counts.node_visits as u32,
-                fragment_tests: counts.fragment_tests as u32,
-            };
-            self.memory.shard(key).seen.insert(key, seen);
-            seen
-        });
-        let counts = Counts {
-            visibilities: 1,
-            rays: seen.rays.into(),
-            node_visits: seen.node_visits.into(),
-            fragment_tests: seen.fragment_tests.into(),
-            ..Counts::default()
-        };
-        (seen.sight, cost::of_kernel(&counts))
+        let seen = self.seen(a, b);
+        (seen.sight, cost::of_kernel(&seen.all()))
+    }
+
+    fn sight_in_parts(&self, a: &Place, b: &Place) -> (Sight, [Work; 16]) {
+        let seen = self.seen(a, b);
+        (seen.sight, std::array::from_fn(|part| cost::of_kernel(&seen.part(part))))
     }
 
     fn touched(&self, a: &Place, b: &Place) -> Arc<Touched> {

@@ -7,7 +7,8 @@ use crate::queues::Queues;
 use crate::store::{self, Counter, Sizes, Store};
 use crate::task::Task;
 use crate::variant::{Grain, Schedule, Switches};
-use crate::worker::{Context, Tally, Worker};
+use crate::wavefront::Flat;
+use crate::worker::{Context, LOOPS, Tally, Worker};
 use isolux_core::solution::{Stop, tree_sum};
 use isolux_core::tree::Path;
 use isolux_core::units::Rgb;
@@ -108,10 +109,14 @@ pub fn run<M: Machine, K: Pairs>(
         Schedule::Wavefront => (Switches::SB_PRAM, Grain::FINEST),
     };
     let store = Store::new(machine, sizes, problem.roots() as u64)?;
-    let mut loops = Vec::with_capacity(4);
-    for name in ["first loop", "second loop", "third loop", "fourth loop"] {
-        loops.push(ParallelLoop::new(machine, name)?);
+    let mut loops = [ParallelLoop::new(machine, "loop 0")?; LOOPS];
+    for (number, indices) in loops.iter_mut().enumerate().skip(1) {
+        *indices = ParallelLoop::new(machine, &format!("loop {number}"))?;
     }
+    let flat = match schedule {
+        Schedule::Tasks { .. } => None,
+        Schedule::Wavefront => Some(Flat::new(machine, sizes)?),
+    };
     machine.poke(store.counter(Counter::Elements), problem.roots() as u64);
     machine.poke(store.counter(Counter::Pieces), problem.order.len() as u64);
     let context = Context {
@@ -121,7 +126,8 @@ pub fn run<M: Machine, K: Pairs>(
         grain,
         store,
         queues: Queues::new(machine, switches, grain, sizes.tasks)?,
-        loops: [loops[0], loops[1], loops[2], loops[3]],
+        loops,
+        flat,
         barrier: machine.allocate_barriers(1),
         updated: (0..sizes.elements).map(|_| AtomicU32::new(0)).collect(),
         full: AtomicBool::new(false),
@@ -180,6 +186,9 @@ impl<M: Machine, K: Pairs> Solve<'_, '_, M, K> {
             ("links", Counter::Links, sizes.links),
             ("pieces of polygons", Counter::Pieces, sizes.pieces),
             ("nodes of the tree", Counter::Nodes, sizes.nodes),
+            ("links of a round", Counter::Fresh, sizes.links),
+            ("links to be split", Counter::Splits, sizes.links),
+            ("links in rows", Counter::Rows, sizes.links),
         ];
         let over = kinds.into_iter().map(|(what, counter, room)| (what, self.count(counter), room));
         let (what, needed, room) =
@@ -189,6 +198,18 @@ impl<M: Machine, K: Pairs> Solve<'_, '_, M, K> {
 
     /// Phase 1: the tree and the links between roots.
     fn build(&mut self) -> Result<(), ScheduleError> {
+        if let Some(flat) = self.context.flat {
+            let name = |number, title| PhaseName { number, title, iteration: None };
+            phase!(self, name("1'", "tree"), 0, |worker| {
+                worker.begin(0).await;
+                worker.grow_tree(&flat).await;
+            });
+            phase!(self, name("1''", "initial pairs"), 0, |worker| {
+                worker.begin(0).await;
+                worker.link_pairs(&flat).await;
+            });
+            return Ok(());
+        }
         let Switches { parallel_bsp, pair_loop, .. } = self.context.switches;
         let title = if pair_loop || parallel_bsp { "tree" } else { "tree and form factors" };
         let name = self.name(["1", "1'"], parallel_bsp, title);
@@ -235,7 +256,15 @@ impl<M: Machine, K: Pairs> Solve<'_, '_, M, K> {
             let name = self.name(["2", "2'"], self.context.switches.fine_tasks, "iteration");
             let name = PhaseName { iteration: Some(iteration + 1), ..name };
             let mean = before.mean();
+            let flat = self.context.flat;
             let tally = phase!(self, name, iteration, |worker| {
+                if let Some(flat) = &flat {
+                    worker.begin_rounds().await;
+                    worker.rounds(flat).await;
+                    worker.gather_rows(flat).await;
+                    worker.measure(mean).await;
+                    return worker.tally.into_inner();
+                }
                 let roots = &worker.cx.problem.active_roots;
                 worker.begin(roots.len() as u64).await;
                 worker.deal_all(roots, |_, element| Task::Refine { element }).await;
@@ -306,8 +335,9 @@ impl<M: Machine, K: Pairs> Solve<'_, '_, M, K> {
         outcome.vertices.sort_unstable_by_key(|&(path, _)| path);
         outcome.links = words(store.counter(Counter::Links));
         let nodes = context.problem.bsp.nodes().len() as u32;
-        let node =
-            |node: u32| [7, store::FRONT, store::BACK, store::IN_PLANE].map(|word| words(store.node(node, word)));
+        let node = |node: u32| {
+            [store::FOUNDER, store::FRONT, store::BACK, store::IN_PLANE].map(|word| words(store.node(node, word)))
+        };
         outcome.nodes = (0..nodes).map(node).collect();
         self.outcome
     }

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | element | first child; parent + 1; first link + 1; first open link + 1; number of links; join counter; radiosity, two slots of three bands; irradiance, three bands; name |
 //! | link | source; its name; form factor; visibility; next link + 1 |
-//! | node | plane, four words; front and back child, + 1; polygons in the plane |
+//! | node | plane, four words; front and back child, + 1; pieces in the plane; the polygon whose plane it is |
 //! | piece | polygon; number of corners; corners, twelve words; next piece + 1 |
 //!
 //! A link is open until its visibility is known. An element's links and open links are lists of its own: only the task that
@@ -39,6 +39,7 @@ pub(crate) const NODE_WORDS: u64 = 8;
 pub(crate) const FRONT: u64 = 4;
 pub(crate) const BACK: u64 = 5;
 pub(crate) const IN_PLANE: u64 = 6;
+pub(crate) const FOUNDER: u64 = 7;
 
 pub(crate) const PIECE_WORDS: u64 = 16;
 pub(crate) const NEXT_PIECE: u64 = 14;
@@ -83,6 +84,22 @@ pub(crate) enum Counter {
     Inserted,
     /// What the residual came to, as bits.
     Residual,
+    /// Links that a wavefront's rounds made in this iteration.
+    Fresh,
+    /// Links that its rounds split.
+    Splits,
+    /// Elements that its rounds are to split.
+    Claims,
+    /// Rows that change.
+    Dirty,
+    /// Entries of rows in use.
+    Rows,
+    /// Entries of rows that are being sorted.
+    Unsorted,
+    /// Chunks of long rows to be sorted.
+    Sorting,
+    /// Chunks of long rows to be gathered.
+    Gathering,
 }
 
 /// Words from one counter to the next: two lines of any machine here.
@@ -141,7 +158,7 @@ impl Store {
             links: machine.allocate("links", links * LINK_WORDS, Home::FirstTouch)?,
             pieces: machine.allocate("pieces", pieces.max(1) * PIECE_WORDS, Home::RoundRobin)?,
             inserted: machine.allocate("inserted roots", roots.max(1), Home::RoundRobin)?,
-            counters: machine.allocate("counters", 8 * COUNTER_STRIDE, Home::At(0))?,
+            counters: machine.allocate("counters", 16 * COUNTER_STRIDE, Home::At(0))?,
             sums: machine.allocate("sums", 4 * roots.max(1), Home::RoundRobin)?,
             vertices: machine.allocate("vertices", elements * 12, Home::FirstTouch)?,
             locks: machine.allocate_locks(ELEMENT_LOCKS),

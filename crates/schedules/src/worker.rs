@@ -7,14 +7,18 @@ use crate::queues::Queues;
 use crate::store::{self, Counter, Store};
 use crate::task::Task;
 use crate::variant::{Grain, Switches};
+use crate::wavefront::Flat;
 use isolux_core::kernels::visibility::Sight;
 use isolux_core::scene::Corners;
 use isolux_core::tree::Path;
 use isolux_core::units::Rgb;
 use isolux_machine::protocols::{ParallelLoop, StealCounts};
 use isolux_machine::{BarrierId, Prefix, Processor, Work};
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
+
+/// Loops that a phase may have: some by number, the last four in turn.
+pub(crate) const LOOPS: usize = 8;
 
 /// What all processors know, and what nobody changes while they work.
 #[derive(Debug)]
@@ -25,7 +29,8 @@ pub(crate) struct Context<'a, K> {
     pub(crate) grain: Grain,
     pub(crate) store: Store,
     pub(crate) queues: Queues,
-    pub(crate) loops: [ParallelLoop; 4],
+    pub(crate) loops: [ParallelLoop; LOOPS],
+    pub(crate) flat: Option<Flat>,
     pub(crate) barrier: BarrierId,
     /// The iteration in which each element last got a radiosity: what the share of updated reads is told from. No part of
     /// the program: it takes no time.
@@ -60,11 +65,13 @@ pub(crate) struct Worker<'a, P, K> {
     pub(crate) cx: &'a Context<'a, K>,
     pub(crate) iteration: u32,
     pub(crate) tally: RefCell<Tally>,
+    /// How many loops of a row of loops have been.
+    pub(crate) turn: Cell<usize>,
 }
 
 impl<'a, P: Processor, K: Pairs> Worker<'a, P, K> {
     pub(crate) fn new(p: P, cx: &'a Context<'a, K>, iteration: u32) -> Worker<'a, P, K> {
-        Worker { p, cx, iteration, tally: RefCell::default() }
+        Worker { p, cx, iteration, tally: RefCell::default(), turn: Cell::new(0) }
     }
 
     pub(crate) fn place(&self, path: Path) -> &'a Place {
@@ -126,12 +133,18 @@ impl<'a, P: Processor, K: Pairs> Worker<'a, P, K> {
         let (sight, work) = self.cx.pairs.sight(a.1, b.1);
         self.p.charge(&work).await;
         if self.p.has_caches() {
-            let touched = self.cx.pairs.touched(a.1, b.1);
-            self.p.touch(self.cx.store.geometry, 16, &[a.0, b.0]).await;
-            self.p.touch(self.cx.store.nodes(), store::NODE_WORDS, &touched.nodes).await;
-            self.p.touch(self.cx.store.fragments, 16, &touched.fragments).await;
+            self.touch_sight([a, b]).await;
         }
         sight
+    }
+
+    /// Reads what a visibility reads, for machines with caches.
+    pub(crate) async fn touch_sight(&self, [a, b]: [(u32, &Place); 2]) {
+        let (p, store) = (&self.p, &self.cx.store);
+        let touched = self.cx.pairs.touched(a.1, b.1);
+        p.touch(store.geometry, 16, &[a.0, b.0]).await;
+        p.touch(store.nodes(), store::NODE_WORDS, &touched.nodes).await;
+        p.touch(store.fragments, 16, &touched.fragments).await;
     }
 
     /// Reserves records; `None` when there is no room, which ends the run with an error once it is over.
@@ -176,19 +189,29 @@ impl<'a, P: Processor, K: Pairs> Worker<'a, P, K> {
         }
         p.lock(store.lock(element)).await;
         let mut first = p.load(first_child).await as u32;
-        if first == 0
-            && let Some(fresh) = self.reserve(Counter::Elements, 4, store.sizes.elements).await
-        {
-            let lit: [u64; 9] = p.load_block(store.element(element, store::RADIOSITY)).await;
-            let part = |k: usize| store::rgb([lit[3 * k], lit[3 * k + 1], lit[3 * k + 2]]);
-            for k in 0..4 {
-                self.write_element(fresh + k, Some(element), path.child(k), [part(0), part(1)], part(2)).await;
-            }
-            p.store(first_child, fresh.into()).await;
-            first = fresh;
+        if first == 0 {
+            first = self.make_children(element, path).await.unwrap_or(0);
         }
         p.unlock(store.lock(element)).await;
         (first != 0).then_some(first)
+    }
+
+    /// Splits a leaf that nobody else can be splitting.
+    pub(crate) async fn split_claimed(&self, element: u32) {
+        let path = self.place_of(element).await.path;
+        self.make_children(element, path).await;
+    }
+
+    async fn make_children(&self, element: u32, path: Path) -> Option<u32> {
+        let (p, store) = (&self.p, &self.cx.store);
+        let first = self.reserve(Counter::Elements, 4, store.sizes.elements).await?;
+        let lit: [u64; 9] = p.load_block(store.element(element, store::RADIOSITY)).await;
+        let part = |k: usize| store::rgb([lit[3 * k], lit[3 * k + 1], lit[3 * k + 2]]);
+        for k in 0..4 {
+            self.write_element(first + k, Some(element), path.child(k), [part(0), part(1)], part(2)).await;
+        }
+        p.store(store.element(element, store::FIRST_CHILD), first.into()).await;
+        Some(first)
     }
 
     /// Radiosity of an element, as this iteration sees it.

@@ -64,7 +64,7 @@ fn jacobi_is_the_same_everywhere() {
     let memory = Memory::default();
     let expected = reference(&problem);
     let finest = Schedule::Tasks { switches: Switches::SPLASH, grain: Grain::FINEST };
-    for schedule in [Schedule::SPLASH, Schedule::SB_PRAM, finest] {
+    for schedule in [Schedule::SPLASH, Schedule::SB_PRAM, finest, Schedule::Wavefront] {
         let on = |machine: &str| format!("{schedule:?} on {machine}");
         assert_same(
             &solve(Sequential::new(&CLASSES).expect("a machine"), &problem, &memory, schedule),

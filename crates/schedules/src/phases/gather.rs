@@ -106,7 +106,7 @@ impl<P: Processor, K: Pairs> Worker<'_, P, K> {
     }
 
     /// A child is done: the last one of four gives the parent its means, and so on up.
-    async fn ascend(&self, mut parent: Option<u32>) {
+    pub(crate) async fn ascend(&self, mut parent: Option<u32>) {
         while let Some(element) = parent {
             if !self.join(element).await {
                 return;

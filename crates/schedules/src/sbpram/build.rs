@@ -80,7 +80,7 @@ impl<P: Processor, K: Pairs> Worker<'_, P, K> {
         }
     }
 
-    async fn settle_piece(&self, polygon: u32, corners: &Corners) {
+    pub(crate) async fn settle_piece(&self, polygon: u32, corners: &Corners) {
         for &root in self.cx.problem.roots_of_piece(polygon, corners).into_iter().flatten() {
             self.new_root(root).await;
         }

@@ -5,3 +5,5 @@ mod build;
 mod interpolate;
 mod pairs;
 mod visibility;
+
+pub(crate) use pairs::pair;

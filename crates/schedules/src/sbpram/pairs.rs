@@ -8,7 +8,7 @@ use isolux_machine::protocols::parallel_for;
 use isolux_machine::{Cause, Mark, Processor};
 
 /// The pair `(i, j)`, `i < j`, with number `index` among all pairs in the order of j, then i.
-fn pair(index: u64) -> (usize, usize) {
+pub(crate) fn pair(index: u64) -> (usize, usize) {
     // The largest j with j (j - 1) / 2 <= index; the square root may be off by one either way.
     let mut j = ((1.0 + (1.0 + 8.0 * index as f64).sqrt()) / 2.0) as u64;
     while j * (j - 1) / 2 > index {
