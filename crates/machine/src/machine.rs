@@ -82,6 +82,14 @@ pub enum RunError {
         /// What it should be.
         clock: u64,
     },
+    /// A chain of work that is longer than the run: the program's notes say that work depends on what came after it.
+    #[error("a chain of work takes {span}, the clock says {clock}: the program's notes contradict its course")]
+    Span {
+        /// How long the chain is.
+        span: u64,
+        /// When the run ended.
+        clock: u64,
+    },
 }
 
 /// Why a machine of such a size or with such classes of work cannot be had.

@@ -107,6 +107,7 @@ impl Machine for Sequential {
                 unit: ClockUnit::Operations,
                 time: vec![state.time],
                 counts: vec![state.counts],
+                span: 0,
             }
             .check(),
         }

@@ -174,7 +174,7 @@ impl Machine for Checked {
                 .collect();
             threads.into_iter().map(|t| t.join().unwrap()).collect()
         });
-        Ok(Run { values, clock: 0, unit: ClockUnit::Operations, time: vec![], counts: vec![] })
+        Ok(Run { values, clock: 0, unit: ClockUnit::Operations, time: vec![], counts: vec![], span: 0 })
     }
 }
 

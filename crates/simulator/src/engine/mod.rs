@@ -1,10 +1,12 @@
 //! The discrete-event executor: futures of processors go in, are resumed as their operations take effect in simulated time,
 //! and leave a clock, accounts and a trace.
 
+mod blocks;
 mod event;
 mod phases;
 mod processor;
 mod simulator;
+mod spans;
 mod state;
 mod time;
 mod trace;

@@ -6,7 +6,9 @@ use std::pin::Pin;
 use std::rc::Rc;
 use std::task::{Context, Poll};
 
-use isolux_machine::{Address, BarrierId, Condition, LockId, Mark, Prefix, Processor, Sequence, Work};
+use isolux_machine::{
+    Address, BLOCK_WORDS, BarrierId, Condition, LockId, Mark, Note, Prefix, Processor, Sequence, Work,
+};
 
 use super::state::{Op, State};
 use super::watch::Until;
@@ -46,6 +48,31 @@ impl<T> Future for Operation<'_, T> {
             None => state.outcome(id),
         };
         outcome.map_or(Poll::Pending, |o| Poll::Ready((self.outcome)(o)))
+    }
+}
+
+/// The store of a block on its way: its words are kept with the machine's state from the first poll on.
+struct BlockStore<'a, const N: usize> {
+    processor: &'a SimulatedProcessor,
+    at: Address,
+    values: Option<[u64; N]>,
+}
+
+impl<const N: usize> Future for BlockStore<'_, N> {
+    type Output = ();
+
+    fn poll(mut self: Pin<&mut Self>, _: &mut Context<'_>) -> Poll<()> {
+        let (id, at) = (self.processor.id, self.at);
+        let mut state = self.processor.state.borrow_mut();
+        let outcome = match self.values.take() {
+            Some(_) if N == 0 => Some(0),
+            Some(values) => {
+                let block = state.blocks.keep(&values);
+                state.issue(id, Op::StoreBlock(at, N as u8, block))
+            }
+            None => state.outcome(id),
+        };
+        outcome.map_or(Poll::Pending, |_| Poll::Ready(()))
     }
 }
 
@@ -97,6 +124,25 @@ impl Processor for SimulatedProcessor {
     fn scan(&self, cells: Sequence, until: Condition) -> impl Future<Output = usize> {
         let until = Until { condition: until, holds: true };
         self.operation(Op::Wait { cells, until, spins: false }, |position| position as usize)
+    }
+
+    async fn load_block<const N: usize>(&self, at: Address) -> [u64; N] {
+        const { assert!(N <= BLOCK_WORDS, "a block has at most BLOCK_WORDS words") };
+        if N == 0 {
+            return [0; N];
+        }
+        let block = self.operation(Op::LoadBlock(at, N as u8), |block| block).await;
+        let words = self.state.borrow_mut().blocks.take(block as u32);
+        std::array::from_fn(|i| words[i])
+    }
+
+    fn store_block<const N: usize>(&self, at: Address, values: [u64; N]) -> impl Future<Output = ()> {
+        const { assert!(N <= BLOCK_WORDS, "a block has at most BLOCK_WORDS words") };
+        BlockStore { processor: self, at, values: Some(values) }
+    }
+
+    fn note(&self, note: Note) {
+        self.state.borrow_mut().spans.note(self.id, note);
     }
 
     fn enter(&self, mark: Mark) -> Mark {

@@ -159,8 +159,8 @@ impl Machine for Simulator {
         if let Some(error) = state.stuck() {
             return Err(error);
         }
-        let (clock, time, counts) = state.accounts();
+        let (clock, time, counts, span) = state.accounts();
         let values = values.into_iter().flatten().collect();
-        Run { values, clock, unit: ClockUnit::Instructions, time, counts }.check()
+        Run { values, clock, unit: ClockUnit::Instructions, time, counts, span }.check()
     }
 }

@@ -5,10 +5,13 @@ use std::cmp::Reverse;
 use std::collections::VecDeque;
 
 use isolux_machine::{
-    Address, BarrierId, ByCause, Cause, Counts, Fault, LockId, Mark, Prefix, RunError, Sequence, Wait, Words, Work,
+    Address, BLOCK_WORDS, BarrierId, ByCause, Cause, Counts, Fault, LockId, Mark, Prefix, RunError, Sequence, Wait,
+    Words, Work,
 };
 
+use super::blocks::Blocks;
 use super::event::{Event, Rank, What};
+use super::spans::Spans;
 use super::time::Time;
 use super::trace::Trace;
 use super::watch::{Queue, Sight, Until, Watches};
@@ -33,6 +36,10 @@ pub(super) struct Costs {
 pub(super) enum Op {
     Load(Address),
     Store(Address, u64),
+    /// So many words from there on, into a block.
+    LoadBlock(Address, u8),
+    /// The same out of this block.
+    StoreBlock(Address, u8, u32),
     Prefix(Prefix, Address, u64),
     Unlock(LockId),
     Lock(LockId),
@@ -48,8 +55,8 @@ pub(super) enum Op {
 impl Op {
     fn rank(&self) -> Rank {
         match *self {
-            Self::Load(_) | Self::Wait { .. } => Rank::LOAD,
-            Self::Store(..) => Rank::STORE,
+            Self::Load(_) | Self::LoadBlock(..) | Self::Wait { .. } => Rank::LOAD,
+            Self::Store(..) | Self::StoreBlock(..) => Rank::STORE,
             Self::Prefix(op, at, _) => Rank::prefix(op, at),
             Self::Unlock(_) => Rank::UNLOCK,
             Self::Lock(_) => Rank::LOCK,
@@ -93,6 +100,8 @@ struct Lock {
 pub(super) struct State {
     pub(super) costs: Costs,
     pub(super) words: Words,
+    pub(super) blocks: Blocks,
+    pub(super) spans: Spans,
     pub(super) every_poll: bool,
     pub(super) trace: Option<Trace>,
     pub(super) error: Option<RunError>,
@@ -113,9 +122,9 @@ const START: Mark = Mark::new(Cause::Work, "start");
 const ENDED: Mark = Mark::new(Cause::Idle, "ended");
 
 impl State {
-    /// Bytes that a processor takes here while it waits, its program's own state not included: its slot, two events, and its
-    /// entries among the watchers, once by place and three times by phase in lists of their own (less than 96 bytes each).
-    pub(super) const PARKED_BYTES: usize = size_of::<Slot>() + 2 * size_of::<Event>() + 4 * 96;
+    /// Bytes that a processor takes here while it waits, its program's own state not included: its slot, two events, its entries
+    /// among the watchers, once by place and three times by phase in lists of their own (less than 96 bytes each), its chain.
+    pub(super) const PARKED_BYTES: usize = size_of::<Slot>() + 2 * size_of::<Event>() + 4 * 96 + Spans::BYTES;
 
     /// Without words, with these costs.
     pub(super) fn new(costs: Costs) -> Self {
@@ -136,6 +145,8 @@ impl State {
         self.locks = vec![Lock::default(); locks as usize];
         self.barriers = vec![vec![]; barriers as usize];
         self.watches = Watches::new(processors);
+        self.spans = Spans::new(processors);
+        self.blocks.clear();
         self.trace = trace.then(|| Trace::new(processors));
         self.ready = (0..processors as u32).collect();
         self.queue.clear();
@@ -246,8 +257,8 @@ impl State {
         })
     }
 
-    /// After a run: the clock, and each processor's accounts, with the time from its end to that of the run.
-    pub(super) fn accounts(&mut self) -> (u64, Vec<ByCause>, Vec<Counts>) {
+    /// After a run: the clock; each processor's accounts, with the time from its end to that of the run; the longest chain.
+    pub(super) fn accounts(&mut self) -> (u64, Vec<ByCause>, Vec<Counts>, u64) {
         let clock = self.slots.iter().map(|s| s.now).max().unwrap_or_default();
         for (processor, slot) in self.slots.iter_mut().enumerate() {
             slot.time.add(Cause::Idle, clock.since(slot.now));
@@ -256,7 +267,7 @@ impl State {
             }
         }
         let time = self.slots.iter().map(|s| s.time).collect();
-        (clock.0, time, self.slots.iter().map(|s| s.counts).collect())
+        (clock.0, time, self.slots.iter().map(|s| s.counts).collect(), self.spans.longest())
     }
 
     pub(super) fn fail(&mut self, processor: u32, fault: Fault) -> Option<u64> {
@@ -276,6 +287,9 @@ impl State {
         }
         slot.time.add(cause, units);
         slot.now = until;
+        if cause == Cause::Work {
+            self.spans.work(processor, units);
+        }
     }
 
     /// An operation costs its units, which go to what the processor is at.
@@ -307,6 +321,31 @@ impl State {
                 self.write(now, processor, at, |_| value)?;
                 self.counts(processor).stores += 1;
                 self.cost(processor, self.costs.store);
+                Some(0)
+            }
+            Op::LoadBlock(at, words) => {
+                let words = u64::from(words);
+                if let Some(outside) = self.outside(at, words) {
+                    return self.fail(processor, outside);
+                }
+                let values: [u64; BLOCK_WORDS] = std::array::from_fn(|i| match i as u64 {
+                    i if i < words => self.words.get(at.plus(i)).unwrap_or(0),
+                    _ => 0,
+                });
+                self.counts(processor).loads += words;
+                self.cost(processor, words * self.costs.load);
+                Some(u64::from(self.blocks.keep(&values)))
+            }
+            Op::StoreBlock(at, words, block) => {
+                let values = self.blocks.take(block);
+                if let Some(outside) = self.outside(at, u64::from(words)) {
+                    return self.fail(processor, outside);
+                }
+                for (i, &value) in (0..u64::from(words)).zip(&values) {
+                    self.write(now, processor, at.plus(i), |_| value)?;
+                }
+                self.counts(processor).stores += u64::from(words);
+                self.cost(processor, u64::from(words) * self.costs.store);
                 Some(0)
             }
             Op::Prefix(op, at, value) => {
@@ -357,6 +396,7 @@ impl State {
                 };
                 here.push(processor);
                 if here.len() == count {
+                    self.spans.barrier();
                     for waiting in std::mem::take(here) {
                         self.spend_until(waiting, Cause::BarrierWait, now);
                         self.counts(waiting).barriers += 1;
@@ -368,6 +408,12 @@ impl State {
             }
             Op::Wait { cells, until, spins } => self.poll(now, processor, cells, until, spins),
         }
+    }
+
+    /// Whether one of these words lies outside all regions.
+    fn outside(&self, at: Address, words: u64) -> Option<Fault> {
+        let last = at.plus(words - 1);
+        [at, last].into_iter().find(|&at| self.words.get(at).is_none()).map(Fault::Address)
     }
 
     /// Time passes until `now`.
