@@ -141,7 +141,8 @@ pub trait Machine {
     /// Its processors.
     type Processor: Processor;
 
-    /// Whether operations have times, and those of one time take effect in the order of the processors' numbers.
+    /// Whether operations have times that are the same for all processors, and those of one time take effect in the order of
+    /// the processors' numbers. Where caches decide what an operation takes, times differ.
     const ORDERED: bool;
 
     /// How many processors it has.

@@ -10,6 +10,8 @@ use crate::operation::{BarrierId, Condition, LockId, Prefix, Sequence, Work};
 pub enum Cause {
     /// The computation itself.
     Work,
+    /// Waiting for memory, beyond what a hit in the nearest cache takes.
+    Stall,
     /// Putting tasks into queues and taking them out of its own.
     Queue,
     /// Taking tasks out of others' queues.
@@ -24,12 +26,14 @@ pub enum Cause {
 
 impl Cause {
     /// All of them, in order.
-    pub const ALL: [Self; 6] = [Self::Work, Self::Queue, Self::Steal, Self::LockWait, Self::BarrierWait, Self::Idle];
+    pub const ALL: [Self; 7] =
+        [Self::Work, Self::Stall, Self::Queue, Self::Steal, Self::LockWait, Self::BarrierWait, Self::Idle];
 
     /// Its name in tables and traces.
     pub fn name(self) -> &'static str {
         match self {
             Self::Work => "work",
+            Self::Stall => "stall",
             Self::Queue => "queue",
             Self::Steal => "steal",
             Self::LockWait => "lock wait",

@@ -9,6 +9,8 @@ use crate::processor::Cause;
 pub enum ClockUnit {
     /// Units of a simulated machine's time: one instruction.
     Instructions,
+    /// Clocks of a simulated machine's processors.
+    Clocks,
     /// Nanoseconds of real time.
     Nanoseconds,
     /// Operations, charged work not included.

@@ -24,11 +24,13 @@ mod check;
 mod counts;
 mod directory;
 mod layout;
+mod reader;
 mod spec;
 mod system;
 
 pub use check::Broken;
 pub use counts::{Cause, Counts, Kind, Level};
 pub use layout::{Address, Home, LayoutError, PAGE_BYTES, Region};
-pub use spec::{CacheSpec, Latency, Spec, SpecError};
+pub use reader::{Section, SpecError, read};
+pub use spec::{CacheSpec, DASH, Latency, Spec, TWO_SOCKET};
 pub use system::{Access, AccessError, Held, Listed, MachineError, System};

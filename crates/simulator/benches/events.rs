@@ -9,12 +9,13 @@ use isolux_machine::protocols::{
     DistributedQueues, ParallelLoop, ParallelQueue, StealCounts, Termination, parallel_for,
 };
 use isolux_machine::{Home, Machine, Prefix, Processor};
-use isolux_simulator::{SimulatedProcessor, Simulator, Spec};
+use isolux_simulator::{MachineSpec, SimulatedProcessor, Simulator};
 
 const TASKS: u64 = 20_000;
 
 fn machine(processors: usize) -> Simulator {
-    Simulator::new(&Spec::sb_pram(), processors, &[]).expect("no class of work needs a figure")
+    Simulator::new(&MachineSpec::named("sb-pram").expect("comes along"), processors, &[])
+        .expect("no class of work needs a figure")
 }
 
 /// Every processor loads words of its own, one after the other.

@@ -7,7 +7,9 @@ use isolux_machine::{
     BarrierId, Condition, Home, LockId, Machine, Mark, Prefix, Processor, Region, Run, RunError, Sequence, Work,
     WorkClass,
 };
-use isolux_simulator::{Polling, SimulatedProcessor, Simulator, Spec};
+use isolux_simulator::{
+    Caches, MachineSpec, Memory, Polling, ProcessorOf, SimulatedProcessor, Simulator, SimulatorOf, Uniform,
+};
 use proptest::prelude::*;
 
 const CELLS: u64 = 6;
@@ -49,7 +51,7 @@ fn a_step() -> impl Strategy<Value = Step> {
     ]
 }
 
-async fn act(p: &SimulatedProcessor, cells: Region, step: Step) -> u64 {
+async fn act<P: Processor>(p: &P, cells: Region, step: Step) -> u64 {
     match step {
         Step::Load(c) => p.load(cells.at(c)).await,
         Step::Store(c, v) => {
@@ -90,12 +92,20 @@ struct Outcome {
     events: u64,
 }
 
-fn simulate(programs: &[Vec<Step>], spec: &Spec, polling: Polling) -> Outcome {
-    let mut machine = Simulator::new(spec, programs.len(), &["step"]).unwrap().traced(true).polling(polling);
+/// The same programs with each way of polling, on the machine of these figures.
+fn both(programs: &[Vec<Step>], spec: &MachineSpec) -> [Outcome; 2] {
+    [Polling::ClosedForm, Polling::EveryPoll].map(|polling| match spec.caches() {
+        None => simulate::<Uniform>(programs, spec, polling),
+        Some(_) => simulate::<Caches>(programs, spec, polling),
+    })
+}
+
+fn simulate<M: Memory>(programs: &[Vec<Step>], spec: &MachineSpec, polling: Polling) -> Outcome {
+    let mut machine = SimulatorOf::<M>::new(spec, programs.len(), &["step"]).unwrap().traced(true).polling(polling);
     let cells = machine.allocate("cells", CELLS, Home::RoundRobin).unwrap();
     machine.allocate_locks(2);
     machine.allocate_barriers(1);
-    let run = machine.run(async |p: SimulatedProcessor| {
+    let run = machine.run(async |p: ProcessorOf<M>| {
         let mut seen = vec![];
         for &step in &programs[p.id()] {
             let before = p.enter(Mark::new(isolux_machine::Cause::Work, "step"));
@@ -109,8 +119,8 @@ fn simulate(programs: &[Vec<Step>], spec: &Spec, polling: Polling) -> Outcome {
     Outcome { run, trace, words, events: machine.events() }
 }
 
-fn specs() -> Vec<Spec> {
-    let mut specs = vec![Spec::ideal(), Spec::sb_pram()];
+fn specs() -> Vec<MachineSpec> {
+    let mut specs: Vec<_> = ["ideal", "sb-pram", "dash"].map(|name| MachineSpec::named(name).unwrap()).into();
     specs.iter_mut().for_each(|s| s.add_work("[work]\nstep = 1", "test").unwrap());
     specs
 }
@@ -124,8 +134,7 @@ proptest! {
         programs in prop::collection::vec(prop::collection::vec(a_step(), 0..14), 1..=16)
     ) {
         for spec in specs() {
-            let computed = simulate(&programs, &spec, Polling::ClosedForm);
-            let simulated = simulate(&programs, &spec, Polling::EveryPoll);
+            let [computed, simulated] = both(&programs, &spec);
             prop_assert_eq!(&computed.trace, &simulated.trace);
             prop_assert_eq!(&computed.words, &simulated.words);
             prop_assert_eq!(&computed.run, &simulated.run);
@@ -149,8 +158,7 @@ proptest! {
         let feed = |v: u64| (0..CELLS).map(move |c| Step::Store(c, v)).chain([Step::Charge(turn + pace)]);
         programs.push((0..4 * 15 * 14u64).flat_map(|i| feed(i % 4)).collect());
         for spec in specs() {
-            let computed = simulate(&programs, &spec, Polling::ClosedForm);
-            let simulated = simulate(&programs, &spec, Polling::EveryPoll);
+            let [computed, simulated] = both(&programs, &spec);
             prop_assert_eq!(&computed.trace, &simulated.trace);
             prop_assert_eq!(&computed.run, &simulated.run);
         }

@@ -6,13 +6,13 @@ use isolux_machine::protocols::{
     DistributedQueues, ParallelLoop, ParallelQueue, StealCounts, Termination, parallel_for,
 };
 use isolux_machine::{Cause, Condition, Home, Machine, Mark, Note, Prefix, Processor, Run, RunError, Work, WorkClass};
-use isolux_simulator::{Polling, SimulatedProcessor, Simulator, Spec};
+use isolux_simulator::{MachineSpec, Polling, SimulatedProcessor, Simulator};
 use proptest::prelude::*;
 
 const OTHER: Mark = Mark::new(Cause::Queue, "other");
 const WORK: Mark = Mark::new(Cause::Work, "work");
 
-fn machine(mut spec: Spec, processors: usize) -> Simulator {
+fn machine(mut spec: MachineSpec, processors: usize) -> Simulator {
     spec.add_work("[work]\nstep = 1", "test").unwrap();
     Simulator::new(&spec, processors, &["step"]).unwrap()
 }
@@ -31,7 +31,7 @@ fn key(name: u64) -> [u64; 4] {
 /// Catches waiting, overhead or others' work that is taken for part of a chain, and a chain that a barrier cuts.
 #[test]
 fn chains_go_through_barriers_and_not_through_waits() {
-    let mut machine = machine(Spec::sb_pram(), 3);
+    let mut machine = machine(MachineSpec::named("sb-pram").unwrap(), 3);
     let barrier = machine.allocate_barriers(1);
     let run = machine
         .run(async |p: SimulatedProcessor| {
@@ -48,7 +48,7 @@ fn chains_go_through_barriers_and_not_through_waits() {
 /// another task and forgotten.
 #[test]
 fn forks_and_joins_hang_together_as_noted() {
-    let mut machine = machine(Spec::ideal(), 2);
+    let mut machine = machine(MachineSpec::named("ideal").unwrap(), 2);
     let flag = machine.allocate("flag", 3, Home::RoundRobin).unwrap();
     let run = machine
         .run(async |p: SimulatedProcessor| {
@@ -86,7 +86,7 @@ fn forks_and_joins_hang_together_as_noted() {
 #[test]
 fn loops_are_as_long_as_their_longest_index() {
     for processors in [1, 2, 5] {
-        let mut machine = machine(Spec::ideal(), processors);
+        let mut machine = machine(MachineSpec::named("ideal").unwrap(), processors);
         let indices = ParallelLoop::new(&mut machine, "indices").unwrap();
         let barrier = machine.allocate_barriers(1);
         let run = machine
@@ -115,7 +115,7 @@ fn loops_are_as_long_as_their_longest_index() {
 /// Catches notes against the course of time that pass as a longest chain.
 #[test]
 fn impossible_chains_are_told() {
-    let mut machine = machine(Spec::ideal(), 2);
+    let mut machine = machine(MachineSpec::named("ideal").unwrap(), 2);
     let run = machine.run(async |p: SimulatedProcessor| {
         if p.id() == 0 {
             // Its clock runs ahead; the others start at 0 with what has not been done yet.
@@ -160,7 +160,7 @@ fn trees() -> impl Strategy<Value = Tree> {
 
 /// Runs a tree through the parallel queue, or through distributed ones.
 fn run(tree: &Tree, processors: usize, polling: Polling, parallel: bool) -> Run<()> {
-    let mut machine = machine(Spec::sb_pram(), processors).polling(polling);
+    let mut machine = machine(MachineSpec::named("sb-pram").unwrap(), processors).polling(polling);
     let queue = ParallelQueue::<2>::new(&mut machine, "queue", 64).unwrap();
     let queues = DistributedQueues::<2>::new(&mut machine, "queues", 64).unwrap();
     let open = Termination::new(&mut machine, "open", 1).unwrap();
@@ -217,7 +217,7 @@ proptest! {
 #[test]
 fn the_parallel_queue_ends_in_a_logarithm_of_steps() {
     for (processors, log) in [(16, 4), (1024, 10), (16_384, 14)] {
-        let mut machine = machine(Spec::sb_pram(), processors);
+        let mut machine = machine(MachineSpec::named("sb-pram").unwrap(), processors);
         let queue = ParallelQueue::<1>::new(&mut machine, "queue", processors as u64).unwrap();
         let open = Termination::new(&mut machine, "open", 1).unwrap();
         let barrier = machine.allocate_barriers(1);
@@ -252,7 +252,7 @@ fn the_parallel_queue_ends_in_a_logarithm_of_steps() {
 #[test]
 fn blocks_take_effect_at_once_and_cost_their_words() {
     for polling in [Polling::ClosedForm, Polling::EveryPoll] {
-        let mut machine = machine(Spec::sb_pram(), 3).polling(polling);
+        let mut machine = machine(MachineSpec::named("sb-pram").unwrap(), 3).polling(polling);
         let words = machine.allocate("words", 512, Home::RoundRobin).unwrap();
         let run = machine
             .run(async |p: SimulatedProcessor| match p.id() {

@@ -3,6 +3,7 @@
 
 mod blocks;
 mod event;
+mod memory;
 mod phases;
 mod processor;
 mod simulator;
@@ -12,6 +13,7 @@ mod time;
 mod trace;
 mod watch;
 
-pub use processor::SimulatedProcessor;
-pub use simulator::{Polling, Simulator};
+pub use memory::{Memory, Uniform};
+pub use processor::ProcessorOf;
+pub use simulator::{Polling, SimulatorOf};
 pub use trace::{Interval, Trace};

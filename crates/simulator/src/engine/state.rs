@@ -5,12 +5,15 @@ use std::cmp::Reverse;
 use std::collections::VecDeque;
 
 use isolux_machine::{
-    Address, BLOCK_WORDS, BarrierId, ByCause, Cause, Counts, Fault, LockId, Mark, Prefix, RunError, Sequence, Wait,
-    Words, Work,
+    Address, BLOCK_WORDS, BarrierId, ByCause, Cause, Counts, Fault, LockId, Mark, Prefix, Region, RunError, Sequence,
+    Wait, Words, Work,
 };
+
+use isolux_memory::Kind;
 
 use super::blocks::Blocks;
 use super::event::{Event, Rank, What};
+use super::memory::Memory;
 use super::spans::Spans;
 use super::time::Time;
 use super::trace::Trace;
@@ -40,6 +43,8 @@ pub(super) enum Op {
     LoadBlock(Address, u8),
     /// The same out of this block.
     StoreBlock(Address, u8, u32),
+    /// Nothing yet: the processor goes on when its turn has come.
+    Turn,
     Prefix(Prefix, Address, u64),
     Unlock(LockId),
     Lock(LockId),
@@ -55,7 +60,7 @@ pub(super) enum Op {
 impl Op {
     fn rank(&self) -> Rank {
         match *self {
-            Self::Load(_) | Self::LoadBlock(..) | Self::Wait { .. } => Rank::LOAD,
+            Self::Load(_) | Self::LoadBlock(..) | Self::Turn | Self::Wait { .. } => Rank::LOAD,
             Self::Store(..) | Self::StoreBlock(..) => Rank::STORE,
             Self::Prefix(op, at, _) => Rank::prefix(op, at),
             Self::Unlock(_) => Rank::UNLOCK,
@@ -96,9 +101,12 @@ struct Lock {
 }
 
 /// All of it.
-#[derive(Debug, Default)]
-pub(super) struct State {
-    pub(super) costs: Costs,
+#[derive(Debug)]
+pub(super) struct State<M> {
+    costs: Costs,
+    pub(super) memory: M,
+    /// The words of locks, where these are in memory.
+    pub(super) lock_words: Vec<Address>,
     pub(super) words: Words,
     pub(super) blocks: Blocks,
     pub(super) spans: Spans,
@@ -121,14 +129,32 @@ pub(super) struct State {
 const START: Mark = Mark::new(Cause::Work, "start");
 const ENDED: Mark = Mark::new(Cause::Idle, "ended");
 
-impl State {
+impl<M: Memory> State<M> {
     /// Bytes that a processor takes here while it waits, its program's own state not included: its slot, two events, its entries
     /// among the watchers, once by place and three times by phase in lists of their own (less than 96 bytes each), its chain.
     pub(super) const PARKED_BYTES: usize = size_of::<Slot>() + 2 * size_of::<Event>() + 4 * 96 + Spans::BYTES;
 
     /// Without words, with these costs.
-    pub(super) fn new(costs: Costs) -> Self {
-        Self { costs, ..Self::default() }
+    pub(super) fn new(costs: Costs, memory: M) -> Self {
+        Self {
+            costs,
+            memory,
+            lock_words: vec![],
+            words: Words::default(),
+            blocks: Blocks::default(),
+            spans: Spans::default(),
+            every_poll: false,
+            trace: None,
+            error: None,
+            ready: VecDeque::new(),
+            happened: 0,
+            slots: vec![],
+            locks: vec![],
+            barriers: vec![],
+            queue: Queue::new(),
+            watches: Watches::default(),
+            polling: 0,
+        }
     }
 
     /// Before a run: all processors at the start; words as they are.
@@ -292,6 +318,50 @@ impl State {
         }
     }
 
+    /// An operation accesses a word that there is, and costs its units; what the access takes beyond is a stall.
+    fn access(&mut self, processor: u32, at: Address, kind: Kind, units: u64) {
+        self.cost(processor, units);
+        self.stall(processor, at, kind);
+    }
+
+    fn stall(&mut self, processor: u32, at: Address, kind: Kind) {
+        let beyond = self.memory.access(processor, at, kind);
+        if beyond > 0 {
+            self.spend(processor, Cause::Stall, beyond);
+        }
+    }
+
+    fn stalls(&mut self, processor: u32, at: Address, words: u64, kind: Kind) {
+        if M::CACHES {
+            (0..words).for_each(|i| self.stall(processor, at.plus(i), kind));
+        }
+    }
+
+    /// A processor takes or gives up a lock, whose word it writes.
+    fn access_lock(&mut self, processor: u32, lock: LockId, kind: Kind, units: u64) {
+        self.cost(processor, units);
+        if let Some(&at) = self.lock_words.get(lock.0 as usize) {
+            self.stall(processor, at, kind);
+        }
+    }
+
+    /// A processor, whose turn it is, reads records whole; `false` if there are none of the kind.
+    pub(super) fn touch(&mut self, processor: u32, region: Region, words: u64, records: &[u32]) -> bool {
+        let mut beyond = 0;
+        for &record in records {
+            let first = u64::from(record).saturating_mul(words);
+            if first.saturating_add(words) > region.words() {
+                self.fail(processor, Fault::Address(region.at(0).plus(first)));
+                return false;
+            }
+            beyond += self.memory.touch(processor, region.at(first), words);
+        }
+        if beyond > 0 {
+            self.spend(processor, Cause::Stall, beyond);
+        }
+        self.error.is_none()
+    }
+
     /// An operation costs its units, which go to what the processor is at.
     fn cost(&mut self, processor: u32, units: u64) {
         let cause = self.slots[processor as usize].mark.cause;
@@ -314,13 +384,13 @@ impl State {
             Op::Load(at) => {
                 let Some(word) = self.words.get(at) else { return self.fail(processor, Fault::Address(at)) };
                 self.counts(processor).loads += 1;
-                self.cost(processor, self.costs.load);
+                self.access(processor, at, Kind::Read, self.costs.load);
                 Some(word)
             }
             Op::Store(at, value) => {
                 self.write(now, processor, at, |_| value)?;
                 self.counts(processor).stores += 1;
-                self.cost(processor, self.costs.store);
+                self.access(processor, at, Kind::Write, self.costs.store);
                 Some(0)
             }
             Op::LoadBlock(at, words) => {
@@ -334,6 +404,7 @@ impl State {
                 });
                 self.counts(processor).loads += words;
                 self.cost(processor, words * self.costs.load);
+                self.stalls(processor, at, words, Kind::Read);
                 Some(u64::from(self.blocks.keep(&values)))
             }
             Op::StoreBlock(at, words, block) => {
@@ -346,12 +417,13 @@ impl State {
                 }
                 self.counts(processor).stores += u64::from(words);
                 self.cost(processor, u64::from(words) * self.costs.store);
+                self.stalls(processor, at, u64::from(words), Kind::Write);
                 Some(0)
             }
             Op::Prefix(op, at, value) => {
                 let before = self.write(now, processor, at, |word| op.apply(word, value))?;
                 self.counts(processor).prefixes += 1;
-                self.cost(processor, self.costs.prefix);
+                self.access(processor, at, Kind::ReadModifyWrite, self.costs.prefix);
                 Some(before)
             }
             Op::Lock(lock) => {
@@ -367,7 +439,7 @@ impl State {
                     None => {
                         it.holder = Some(processor);
                         self.counts(processor).locks += 1;
-                        self.cost(processor, self.costs.take);
+                        self.access_lock(processor, lock, Kind::ReadModifyWrite, self.costs.take);
                         Some(0)
                     }
                 }
@@ -379,14 +451,17 @@ impl State {
                 if it.holder != Some(processor) {
                     return self.fail(processor, Fault::NotHeld(lock));
                 }
-                it.holder = it.queue.pop_front();
-                if let Some(next) = it.holder {
+                let next = it.queue.pop_front();
+                it.holder = next;
+                if let Some(next) = next {
                     self.spend_until(next, Cause::LockWait, now);
                     self.counts(next).locks += 1;
-                    self.cost(next, self.costs.take);
+                }
+                self.access_lock(processor, lock, Kind::Write, self.costs.give);
+                if let Some(next) = next {
+                    self.access_lock(next, lock, Kind::ReadModifyWrite, self.costs.take);
                     self.resume(next, 0);
                 }
-                self.cost(processor, self.costs.give);
                 Some(0)
             }
             Op::Barrier(barrier) => {
@@ -406,6 +481,7 @@ impl State {
                 }
                 None
             }
+            Op::Turn => Some(0),
             Op::Wait { cells, until, spins } => self.poll(now, processor, cells, until, spins),
         }
     }
@@ -448,6 +524,12 @@ impl State {
         if until.ends(word) {
             self.polling -= usize::from(polls > 0);
             return Some(self.end_wait(now, processor, Sight { position, polls, at }, spins));
+        }
+        let mut now = now;
+        if polls == 0 {
+            // The first poll brings a copy into the cache; the later ones, but for the last, look at that.
+            self.stall(processor, at, Kind::Read);
+            now = self.slots[processor as usize].now;
         }
         if !self.every_poll {
             self.watches.watch(processor, cells, until, cost, now, &self.words, &mut self.queue);
@@ -502,6 +584,7 @@ impl State {
         self.spend_until(processor, Cause::Idle, now);
         self.spend(processor, Cause::Idle, cost);
         self.slots[processor as usize].polls = 0;
+        self.stall(processor, sight.at, Kind::Read);
         self.counts(processor).polls += sight.polls + 1;
         if spins { self.words.get(sight.at).unwrap_or(0) } else { sight.position as u64 }
     }
