@@ -1,8 +1,8 @@
 //! The contract that every machine fulfils, as checks that take a machine and panic where it breaks a promise.
 //! [`crate::contract_suite!`] makes a test of each.
 //!
-//! A pass says that the promise held in the runs made. On machines whose order of effects varies it does not say that it holds
-//! in all.
+//! A pass says that the promise held in the runs made. On machines whose order of effects varies it does not say that
+//! it holds in all.
 
 use crate::machine::{Fault, Machine, RunError, Wait};
 use crate::memory::{Home, Region};
@@ -11,8 +11,8 @@ use crate::processor::{Cause, Mark, Processor};
 use crate::protocols::{DistributedQueues, ParallelLoop, ParallelQueue, StealCounts, Termination, parallel_for};
 use crate::run::Run;
 
-/// Makes a module `$name` of tests, one for each promise, on machines of each size of `$sizes`. `$make` takes a size and
-/// gives a machine with one class of work.
+/// Makes a module `$name` of tests, one for each promise, on machines of each size of `$sizes`. `$make` takes a size
+/// and gives a machine with one class of work.
 ///
 /// ```
 /// # use isolux_machine::{Threads, contract_suite};
@@ -120,8 +120,8 @@ pub fn barriers<M: Machine>(mut machine: M) {
     assert_eq!(run.total_counts().barriers, 2 * ROUNDS * count);
 }
 
-/// A group's prefixes are distinct and consecutive; each processor's grow; where time orders them, those of one moment are in
-/// the order of the processors.
+/// A group's prefixes are distinct and consecutive; each processor's grow; where time orders them, those of one moment
+/// are in the order of the processors.
 pub fn multiprefix<M: Machine>(mut machine: M) {
     const TURNS: u64 = 40;
     let count = machine.count() as u64;
@@ -351,8 +351,8 @@ pub fn ends_of_queues<M: Machine>(mut machine: M) {
     assert_eq!(values[last].1, StealCounts { successes: 5, failures: 1 });
 }
 
-/// The parallel queue delivers each task once, a full one included; each processor is told the end of each phase once, those
-/// without any task included.
+/// The parallel queue delivers each task once, a full one included; each processor is told the end of each phase once,
+/// those without any task included.
 pub fn parallel_queue<M: Machine>(mut machine: M) {
     let tree = Tree::new(&mut machine, 300);
     let queue = ParallelQueue::<2>::new(&mut machine, "queue", 5).expect("fits");

@@ -135,14 +135,14 @@ pub fn check_request(processors: usize, max: usize, classes: &[&str]) -> Result<
     }
 }
 
-/// What runs programs: some processors that share words, locks and barriers. The words keep their values from one run to the
-/// next; they are zero at first.
+/// What runs programs: some processors that share words, locks and barriers. The words keep their values from one run
+/// to the next; they are zero at first.
 pub trait Machine {
     /// Its processors.
     type Processor: Processor;
 
-    /// Whether operations have times that are the same for all processors, and those of one time take effect in the order of
-    /// the processors' numbers. Where caches decide what an operation takes, times differ.
+    /// Whether operations have times that are the same for all processors, and those of one time take effect in the
+    /// order of the processors' numbers. Where caches decide what an operation takes, times differ.
     const ORDERED: bool;
 
     /// How many processors it has.
@@ -178,8 +178,8 @@ pub trait Machine {
     ///
     /// # Errors
     ///
-    /// Says which processor did something wrong or waits for ever. Real threads notice only some of the waits that never
-    /// end: barriers that another will not reach.
+    /// Says which processor did something wrong or waits for ever. Real threads notice only some of the waits that
+    /// never end: barriers that another will not reach.
     fn run<T, F, R>(&mut self, program: F) -> Result<Run<T>, RunError>
     where
         F: Fn(Self::Processor) -> R + Sync,

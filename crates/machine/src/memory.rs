@@ -1,5 +1,5 @@
-//! Names and sizes of regions become addresses of shared words, each with a home; and the words of machines that one thread
-//! runs.
+//! Names and sizes of regions become addresses of shared words, each with a home; and the words of machines that one
+//! thread runs.
 
 use crate::Fault;
 use thiserror::Error;

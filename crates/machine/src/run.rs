@@ -83,14 +83,15 @@ pub struct Run<T> {
     pub time: Vec<ByCause>,
     /// What each processor did.
     pub counts: Vec<Counts>,
-    /// The time of the longest chain of work, each piece of which depends on the one before, as the program's notes have it
-    /// ([`crate::Note`]). Of all time only that with [`Cause::Work`] is part of it. 0 on machines that do not measure it.
+    /// The time of the longest chain of work, each piece of which depends on the one before, as the program's notes
+    /// have it ([`crate::Note`]). Of all time only that with [`Cause::Work`] is part of it. 0 on machines that do not
+    /// measure it.
     pub span: u64,
 }
 
 impl<T> Run<T> {
-    /// Checks that every processor's time adds up to the clock, hence all of it to processors times clock, so that the clock
-    /// is no less than work divided by processors; and that it is no less than the span.
+    /// Checks that every processor's time adds up to the clock, hence all of it to processors times clock, so that the
+    /// clock is no less than work divided by processors; and that it is no less than the span.
     ///
     /// # Errors
     ///

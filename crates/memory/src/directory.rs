@@ -1,5 +1,5 @@
-//! What is known of each line of memory: the directory's entry, and who had and has the line, to find copies and causes; how
-//! this changes is left to the system.
+//! What is known of each line of memory: the directory's entry, and who had and has the line, to find copies and
+//! causes; how this changes is left to the system.
 
 /// A line's entry: numbers of 64 bits, side by side so that a miss meets one place of the host's memory.
 ///

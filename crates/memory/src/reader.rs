@@ -1,5 +1,5 @@
-//! The one reader of spec files: a TOML text goes in, its figures come out key by key, or one error of one line that names the
-//! file and the key; what a figure means is left to those who ask for it.
+//! The one reader of spec files: a TOML text goes in, its figures come out key by key, or one error of one line that
+//! names the file and the key; what a figure means is left to those who ask for it.
 
 use std::path::Path;
 use toml::{Table, Value};

@@ -1,5 +1,6 @@
-//! The figures of a machine's memory system, from a spec file; each is checked here, and an error names the file and the key.
-//! Figures of the same machine that others read (the tables `wait`, `lock`, `barrier` and `work`) are left to them.
+//! The figures of a machine's memory system, from a spec file; each is checked here, and an error names the file and
+//! the key. Figures of the same machine that others read (the tables `wait`, `lock`, `barrier` and `work`) are left to
+//! them.
 
 use crate::Level;
 use crate::reader::{Section, SpecError, read};
@@ -55,15 +56,16 @@ const MOST_PER_CLUSTER: i64 = 64;
 const MOST_WORDS: i64 = 32;
 /// 1 GB: beyond it, a figure in kilobytes was most likely given in bytes.
 const MOST_CACHE_BYTES: i64 = 1 << 30;
-/// Lines of all caches of a level together: slots have numbers of 32 bits, and this many take 4 GB of the host's memory.
+/// Lines of all caches of a level together: slots have numbers of 32 bits, and this many take 4 GB of the host's
+/// memory.
 const MOST_LINES: i64 = 1 << 28;
 /// No machine's memory is a million clocks away; keeps sums in 64 bits.
 const MOST_CLOCKS: i64 = 1_000_000;
 const MOST_MHZ: i64 = 100_000;
 
 impl Spec {
-    /// The Stanford DASH prototype, from `crates/memory/specs/dash.toml`: one level of caches (D23), and a remote cache as far
-    /// as a home cluster (D24).
+    /// The Stanford DASH prototype, from `crates/memory/specs/dash.toml`: one level of caches (D23), and a remote cache
+    /// as far as a home cluster (D24).
     ///
     /// # Errors
     /// None that a test would not have met: the file is part of the program.

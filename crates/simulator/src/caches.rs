@@ -1,5 +1,5 @@
-//! Caches and a directory behind the engine: accesses go to the memory system of `isolux-memory`, what they take beyond a hit
-//! comes back; counts of misses are read here, by region.
+//! Caches and a directory behind the engine: accesses go to the memory system of `isolux-memory`, what they take beyond
+//! a hit comes back; counts of misses are read here, by region.
 
 use isolux_machine::{Address, ClockUnit, Home, MemoryError, PAGE_WORDS, Region};
 use isolux_memory::{Counts, Kind, Level, System};
@@ -75,8 +75,9 @@ impl Memory for Caches {
 }
 
 impl SimulatorOf<Caches> {
-    /// What happened in each region since the counts were last reset, all processors together, in the order in which the
-    /// regions were allocated. Locks have regions of their own, `locks 0`, `locks 17`, ..., by the number of their first one.
+    /// What happened in each region since the counts were last reset, all processors together, in the order in which
+    /// the regions were allocated. Locks have regions of their own, `locks 0`, `locks 17`, ..., by the number of their
+    /// first one.
     pub fn region_counts(&self) -> Vec<(String, Counts)> {
         let counts = |memory: &Caches| {
             let system = &memory.system;

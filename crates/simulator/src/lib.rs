@@ -1,6 +1,6 @@
-//! Simulated machines: a program of [`isolux_machine`] goes in and really runs, its operations taking effect in simulated time;
-//! a clock, accounts and a trace come out. What the program computes is left to it. README.md of this crate says what costs
-//! what, and what is not modelled.
+//! Simulated machines: a program of [`isolux_machine`] goes in and really runs, its operations taking effect in
+//! simulated time; a clock, accounts and a trace come out. What the program computes is left to it. README.md of this
+//! crate says what costs what, and what is not modelled.
 //!
 //! ```
 //! use isolux_machine::{Home, Machine, Prefix, Processor};

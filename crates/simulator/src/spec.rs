@@ -1,4 +1,5 @@
-//! The figures of a machine: a spec file goes in, checked figures come out, or one error that names the file and the key.
+//! The figures of a machine: a spec file goes in, checked figures come out, or one error that names the file and the
+//! key.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -7,8 +8,8 @@ use isolux_machine::ClassError;
 use isolux_memory::{DASH, Latency, Level, Section, TWO_SOCKET};
 use thiserror::Error;
 
-/// The most that one operation may cost. A million units is an operating system's time slice; whoever writes more has mistaken
-/// the unit.
+/// The most that one operation may cost. A million units is an operating system's time slice; whoever writes more has
+/// mistaken the unit.
 const COST_MAX: i64 = 1_000_000;
 /// The most processors that a file may allow: what the numbers in the event queue hold, with room to spare.
 const PROCESSORS_MAX: i64 = 1 << 20;
@@ -48,7 +49,8 @@ pub enum SpecError {
     },
 }
 
-/// A machine's figures, with uniform access to memory or with caches. Immutable, but for the figures of work, which are added.
+/// A machine's figures, with uniform access to memory or with caches. Immutable, but for the figures of work, which are
+/// added.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MachineSpec {
     pub(crate) file: String,
@@ -97,8 +99,8 @@ impl MachineSpec {
         Self::from_toml(text, file)
     }
 
-    /// Figures from a file. One with caches has the tables `first_level` and `latency`, one with uniform access the table
-    /// `operation`.
+    /// Figures from a file. One with caches has the tables `first_level` and `latency`, one with uniform access the
+    /// table `operation`.
     ///
     /// # Errors
     ///
@@ -170,7 +172,8 @@ impl MachineSpec {
         })
     }
 
-    /// Adds a program's figures of work, of a text that has nothing but a table `work`. Figures of the same name are replaced.
+    /// Adds a program's figures of work, of a text that has nothing but a table `work`. Figures of the same name are
+    /// replaced.
     ///
     /// # Errors
     ///
@@ -209,8 +212,8 @@ impl MachineSpec {
         self.caches.as_ref()
     }
 
-    /// What a barrier costs each of so many processors once all are there: base + processors x `per_processor` + levels x
-    /// `per_level`, where levels is the logarithm to base 2, rounded up.
+    /// What a barrier costs each of so many processors once all are there: base + processors x `per_processor` + levels
+    /// x `per_level`, where levels is the logarithm to base 2, rounded up.
     pub fn barrier(&self, processors: usize) -> u64 {
         let levels = u64::from(processors.max(1).next_power_of_two().trailing_zeros());
         self.barrier_base + self.barrier_per_processor * processors as u64 + self.barrier_per_level * levels

@@ -142,8 +142,8 @@ proptest! {
         }
     }
 
-    /// The same where all waits end: one processor sets every cell to every value, again and again, until the others are
-    /// through.
+    /// The same where all waits end: one processor sets every cell to every value, again and again, until the others
+    /// are through.
     #[test]
     fn computed_polls_are_the_simulated_ones_to_the_end(
         programs in prop::collection::vec(prop::collection::vec(a_step(), 1..14), 1..=15),
@@ -153,7 +153,8 @@ proptest! {
         for program in &mut programs {
             program.retain(|s| !matches!(s, Step::Barrier));
         }
-        // A wait for a condition that 0, 1, 2 and 3 in turn make true and false; each value stays for a whole turn of a scan.
+        // A wait for a condition that 0, 1, 2 and 3 in turn make true and false; each value stays for a whole turn of a
+        // scan.
         let turn = 6 * 5;
         let feed = |v: u64| (0..CELLS).map(move |c| Step::Store(c, v)).chain([Step::Charge(turn + pace)]);
         programs.push((0..4 * 15 * 14u64).flat_map(|i| feed(i % 4)).collect());

@@ -251,7 +251,8 @@ fn a_thief_takes_the_oldest_and_pays_for_the_walk() {
             })
             .unwrap();
         assert_eq!(run.values[1], Some([10]));
-        // Length, top, one load per entry, the task's word, free, length; the last, too, has an entry below to be looked for.
+        // Length, top, one load per entry, the task's word, free, length; the last, too, has an entry below to be
+        // looked for.
         assert_eq!(run.counts[1].loads, 2 + length + 3);
         // And to take and give the lock, and stores: above, the tail if one is left, free, its chain, length.
         assert_eq!(run.time[1].get(Cause::Steal), 2 + length + 3 + 2 + 4 + u64::from(length > 1));

@@ -81,8 +81,8 @@ fn forks_and_joins_hang_together_as_noted() {
     assert_eq!(again.span, 0);
 }
 
-/// Catches indices of a loop that are taken for a chain, a loop within a loop that loses the outer one, and what comes behind
-/// a loop without it.
+/// Catches indices of a loop that are taken for a chain, a loop within a loop that loses the outer one, and what comes
+/// behind a loop without it.
 #[test]
 fn loops_are_as_long_as_their_longest_index() {
     for processors in [1, 2, 5] {
@@ -198,8 +198,8 @@ fn run(tree: &Tree, processors: usize, polling: Polling, parallel: bool) -> Run<
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
 
-    /// Catches a span that depends on the number of processors, on the queue or on how waiting is simulated, and a run that is
-    /// faster than its span or its work allow.
+    /// Catches a span that depends on the number of processors, on the queue or on how waiting is simulated, and a run
+    /// that is faster than its span or its work allow.
     #[test]
     fn trees_of_tasks_have_the_span_of_their_longest_branch(tree in trees()) {
         for (processors, parallel) in [(1, true), (1, false), (3, true), (3, false), (16, true), (16, false)] {
@@ -212,8 +212,8 @@ proptest! {
     }
 }
 
-/// Catches an end of a phase that goes from processor to processor in a chain, or wakes more than it needs: time and events
-/// after the only task, and in a phase without any.
+/// Catches an end of a phase that goes from processor to processor in a chain, or wakes more than it needs: time and
+/// events after the only task, and in a phase without any.
 #[test]
 fn the_parallel_queue_ends_in_a_logarithm_of_steps() {
     for (processors, log) in [(16, 4), (1024, 10), (16_384, 14)] {
@@ -232,7 +232,8 @@ fn the_parallel_queue_ends_in_a_logarithm_of_steps() {
             p.barrier(barrier).await;
         };
         let run = machine.run(phase).unwrap();
-        // A level of the tree: a poll of 3 that sees, two more stores, a load, a poll and a store for each of two children.
+        // A level of the tree: a poll of 3 that sees, two more stores, a load, a poll and a store for each of two
+        // children.
         assert!(run.clock <= 1000 + 50 + 15 * log, "{processors} processors: {}", run.clock);
         assert!(machine.events() <= 20 * processors as u64 + 50, "{processors} processors: {}", machine.events());
         // One more without a task: the same machine, the same queue.

@@ -1,5 +1,5 @@
-//! The machine of real threads: operations are done as they are polled. README.md, beside this file, says who may write what
-//! and why the orderings suffice.
+//! The machine of real threads: operations are done as they are polled. README.md, beside this file, says who may write
+//! what and why the orderings suffice.
 
 use std::cell::{Cell, RefCell};
 use std::future::{Future, pending};

@@ -1,5 +1,5 @@
-//! Blocks of words on their way: those to be stored, from issue to effect, and those loaded, from effect to resumption. So an
-//! operation stays small whatever it carries.
+//! Blocks of words on their way: those to be stored, from issue to effect, and those loaded, from effect to resumption.
+//! So an operation stays small whatever it carries.
 
 use isolux_machine::BLOCK_WORDS;
 

@@ -1,5 +1,5 @@
-//! What an access to a word costs beyond its operation's figure: the processor, the word and the kind of access come in, in the
-//! order of effects, and the units come out. The values of words are kept elsewhere.
+//! What an access to a word costs beyond its operation's figure: the processor, the word and the kind of access come
+//! in, in the order of effects, and the units come out. The values of words are kept elsewhere.
 
 use std::fmt::Debug;
 

@@ -1,5 +1,5 @@
-//! The discrete-event executor: futures of processors go in, are resumed as their operations take effect in simulated time,
-//! and leave a clock, accounts and a trace.
+//! The discrete-event executor: futures of processors go in, are resumed as their operations take effect in simulated
+//! time, and leave a clock, accounts and a trace.
 
 mod blocks;
 mod event;

@@ -1,4 +1,5 @@
-//! A processor as its program sees it: operations become futures that are ready once their effects have their place in time.
+//! A processor as its program sees it: operations become futures that are ready once their effects have their place in
+//! time.
 
 use std::cell::RefCell;
 use std::future::Future;

@@ -1,7 +1,8 @@
-//! The longest chain of work: notes of how tasks hang together go in, and work as it is done; how long the chain is that ends
-//! in what each processor does now comes out.
+//! The longest chain of work: notes of how tasks hang together go in, and work as it is done; how long the chain is
+//! that ends in what each processor does now comes out.
 //!
-//! A processor's *depth* is that length. Work adds to it; a note sets it to that of what the work after the note depends on.
+//! A processor's *depth* is that length. Work adds to it; a note sets it to that of what the work after the note
+//! depends on.
 
 use isolux_machine::Note;
 use rustc_hash::FxHashMap;

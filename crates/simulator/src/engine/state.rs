@@ -1,5 +1,5 @@
-//! What a simulated machine is at a moment: words, locks, barriers, what each processor is at; operations go in as they are
-//! issued, and take effect in order.
+//! What a simulated machine is at a moment: words, locks, barriers, what each processor is at; operations go in as they
+//! are issued, and take effect in order.
 
 use std::cmp::Reverse;
 use std::collections::VecDeque;
@@ -126,13 +126,17 @@ pub(super) struct State<M> {
     polling: usize,
 }
 
+/// Either a group of its own, or four entries in lists of a group, once by place and three times by phase (less than 96
+/// bytes each).
+const AMONG_WATCHERS: usize = if Watches::GROUP_BYTES > 4 * 96 { Watches::GROUP_BYTES } else { 4 * 96 };
+
 const START: Mark = Mark::new(Cause::Work, "start");
 const ENDED: Mark = Mark::new(Cause::Idle, "ended");
 
 impl<M: Memory> State<M> {
-    /// Bytes that a processor takes here while it waits, its program's own state not included: its slot, two events, its entries
-    /// among the watchers, once by place and three times by phase in lists of their own (less than 96 bytes each), its chain.
-    pub(super) const PARKED_BYTES: usize = size_of::<Slot>() + 2 * size_of::<Event>() + 4 * 96 + Spans::BYTES;
+    /// Bytes that a processor takes here while it waits, its program's own state not included: its slot, two events,
+    /// its place among the watchers, its chain.
+    pub(super) const PARKED_BYTES: usize = size_of::<Slot>() + 2 * size_of::<Event>() + AMONG_WATCHERS + Spans::BYTES;
 
     /// Without words, with these costs.
     pub(super) fn new(costs: Costs, memory: M) -> Self {
@@ -263,7 +267,8 @@ impl<M: Memory> State<M> {
         self.slots[processor as usize].status = Status::Ended;
     }
 
-    /// Whether a processor whose program does not go on waits for an operation of its own, or is about to be told its outcome.
+    /// Whether a processor whose program does not go on waits for an operation of its own, or is about to be told its
+    /// outcome.
     pub(super) fn waits(&self, processor: u32) -> bool {
         matches!(self.slots[processor as usize].status, Status::Issued(_) | Status::Has(_))
     }
@@ -283,7 +288,8 @@ impl<M: Memory> State<M> {
         })
     }
 
-    /// After a run: the clock; each processor's accounts, with the time from its end to that of the run; the longest chain.
+    /// After a run: the clock; each processor's accounts, with the time from its end to that of the run; the longest
+    /// chain.
     pub(super) fn accounts(&mut self) -> (u64, Vec<ByCause>, Vec<Counts>, u64) {
         let clock = self.slots.iter().map(|s| s.now).max().unwrap_or_default();
         for (processor, slot) in self.slots.iter_mut().enumerate() {
