@@ -19,6 +19,9 @@ const CELLS: u64 = 6;
 enum Step {
     Load(u64),
     Store(u64, u64),
+    LoadBlock(u64),
+    StoreBlock(u64, u64),
+    Touch(u32),
     Prefix(u8, u64, u64),
     Charge(u64),
     Locked(u32, u64),
@@ -43,6 +46,9 @@ fn a_step() -> impl Strategy<Value = Step> {
         (0..CELLS, 0..4u64).prop_map(|(c, v)| Step::Store(c, v)),
         (0..CELLS, 0..4u64).prop_map(|(c, v)| Step::Store(c, v)),
         (0..4u8, 0..CELLS, prop_oneof![0..4u64, Just(u64::MAX)]).prop_map(|(o, c, v)| Step::Prefix(o, c, v)),
+        (0..CELLS - 2).prop_map(Step::LoadBlock),
+        (0..CELLS - 2, 0..3u64).prop_map(|(c, v)| Step::StoreBlock(c, v)),
+        (0..3u32).prop_map(Step::Touch),
         (0..40u64).prop_map(Step::Charge),
         (0..2u32, 0..10u64).prop_map(|(l, w)| Step::Locked(l, w)),
         (0..CELLS, conditions()).prop_map(|(c, n)| Step::Wait(c, n)),
@@ -56,6 +62,18 @@ async fn act<P: Processor>(p: &P, cells: Region, step: Step) -> u64 {
         Step::Load(c) => p.load(cells.at(c)).await,
         Step::Store(c, v) => {
             p.store(cells.at(c), v).await;
+            0
+        }
+        Step::LoadBlock(c) => {
+            let words = p.load_block::<3>(cells.at(c)).await;
+            words.into_iter().fold(0, |sum: u64, word| sum.wrapping_mul(5).wrapping_add(word))
+        }
+        Step::StoreBlock(c, v) => {
+            p.store_block(cells.at(c), [v, v + 1, v]).await;
+            0
+        }
+        Step::Touch(record) => {
+            p.touch(cells, 2, &[record, 0]).await;
             0
         }
         Step::Prefix(op, c, v) => {
