@@ -1,18 +1,18 @@
 //! The contract that every machine fulfils, as checks that take a machine and panic where it breaks a promise.
 //! [`crate::contract_suite!`] makes a test of each.
 //!
-//! A pass says that the promise held in the runs made. On machines whose order of effects varies it does not say that it holds
-//! in all.
+//! A pass says that the promise held in the runs made. On machines whose order of effects varies it does not say that
+//! it holds in all.
 
 use crate::machine::{Fault, Machine, RunError, Wait};
 use crate::memory::{Home, Region};
 use crate::operation::{BarrierId, Condition, LockId, Prefix, Sequence, Work, WorkClass};
-use crate::processor::{Cause, Mark, Processor};
+use crate::processor::{BLOCK_WORDS, Cause, Mark, Note, Processor};
 use crate::protocols::{DistributedQueues, ParallelLoop, ParallelQueue, StealCounts, Termination, parallel_for};
 use crate::run::Run;
 
-/// Makes a module `$name` of tests, one for each promise, on machines of each size of `$sizes`. `$make` takes a size and
-/// gives a machine with one class of work.
+/// Makes a module `$name` of tests, one for each promise, on machines of each size of `$sizes`. `$make` takes a size
+/// and gives a machine with one class of work.
 ///
 /// ```
 /// # use isolux_machine::{Threads, contract_suite};
@@ -22,7 +22,7 @@ use crate::run::Run;
 macro_rules! contract_suite {
     ($name:ident, $make:expr, $sizes:expr) => {
         $crate::contract_suite!(@ $name, $make, $sizes,
-            words mutual_exclusion barriers multiprefix no_lost_wake_up scans parallel_loops termination
+            words blocks mutual_exclusion barriers multiprefix no_lost_wake_up scans parallel_loops termination
             distributed_queues ends_of_queues parallel_queue accounts faults abandoned_barriers panics);
     };
     (@ $name:ident, $make:expr, $sizes:expr, $($check:ident)*) => {
@@ -74,6 +74,31 @@ pub fn words<M: Machine>(mut machine: M) {
     assert_eq!((machine.peek(own.at(0)), machine.peek(own.at(1))), (19, 5));
 }
 
+/// Blocks reach the words that they name and no others, and count as so many words; what is touched or noted changes nothing.
+pub fn blocks<M: Machine>(mut machine: M) {
+    let count = machine.count() as u64;
+    let own = region(&mut machine, "own", 20 * count);
+    let run = machine.run(async |p: M::Processor| {
+        let first = 20 * p.id() as u64;
+        let words: [u64; BLOCK_WORDS] = std::array::from_fn(|i| first + i as u64 + 1);
+        p.store_block(own.at(first + 2), words).await;
+        p.touch(own, 20, &[p.id() as u32, 0]).await;
+        p.note(Note::Start([first; 4]));
+        let all: [u64; BLOCK_WORDS] = p.load_block(own.at(first + 2)).await;
+        let some: [u64; 3] = p.load_block(own.at(first + 1)).await;
+        let _: [u64; 0] = p.load_block(own.at(first)).await;
+        (all == words, some == [0, first + 1, first + 2])
+    });
+    let run = good(run);
+    assert!(run.values.iter().all(|&v| v == (true, true)), "{:?}", run.values);
+    let counts = run.total_counts();
+    assert_eq!((counts.loads, counts.stores), (19 * count, 16 * count));
+    for p in 0..count {
+        let words: u64 = [0, 1, 18, 19].map(|i| machine.peek(own.at(20 * p + i))).iter().sum();
+        assert_eq!(words, 0, "words beside a block");
+    }
+}
+
 /// One processor at a time holds a lock, and sees what the last one stored.
 pub fn mutual_exclusion<M: Machine>(mut machine: M) {
     const TURNS: u64 = 50;
@@ -120,8 +145,8 @@ pub fn barriers<M: Machine>(mut machine: M) {
     assert_eq!(run.total_counts().barriers, 2 * ROUNDS * count);
 }
 
-/// A group's prefixes are distinct and consecutive; each processor's grow; where time orders them, those of one moment are in
-/// the order of the processors.
+/// A group's prefixes are distinct and consecutive; each processor's grow; where time orders them, those of one moment
+/// are in the order of the processors.
 pub fn multiprefix<M: Machine>(mut machine: M) {
     const TURNS: u64 = 40;
     let count = machine.count() as u64;
@@ -351,8 +376,8 @@ pub fn ends_of_queues<M: Machine>(mut machine: M) {
     assert_eq!(values[last].1, StealCounts { successes: 5, failures: 1 });
 }
 
-/// The parallel queue delivers each task once, a full one included; each processor is told the end of each phase once, those
-/// without any task included.
+/// The parallel queue delivers each task once, a full one included; each processor is told the end of each phase once,
+/// those without any task included.
 pub fn parallel_queue<M: Machine>(mut machine: M) {
     let tree = Tree::new(&mut machine, 300);
     let queue = ParallelQueue::<2>::new(&mut machine, "queue", 5).expect("fits");

@@ -1,6 +1,6 @@
-//! Parallel machines as schedules see them: processors that await operations on shared words, protocols built from these
-//! operations alone, two machines that need no simulator, and the contract that every machine fulfils. What is computed in
-//! parallel is left to others; nothing here knows what a word means.
+//! Parallel machines as schedules see them: processors that await operations on shared words, protocols built from
+//! these operations alone, two machines that need no simulator, and the contract that every machine fulfils. What is
+//! computed in parallel is left to others; nothing here knows what a word means.
 //!
 //! A program is an async function of a [`Processor`]. Every processor of a [`Machine`] runs it:
 //!

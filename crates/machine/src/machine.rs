@@ -82,6 +82,14 @@ pub enum RunError {
         /// What it should be.
         clock: u64,
     },
+    /// A chain of work that is longer than the run: the program's notes say that work depends on what came after it.
+    #[error("a chain of work takes {span}, the clock says {clock}: the program's notes contradict its course")]
+    Span {
+        /// How long the chain is.
+        span: u64,
+        /// When the run ended.
+        clock: u64,
+    },
 }
 
 /// Why a machine of such a size or with such classes of work cannot be had.
@@ -127,13 +135,14 @@ pub fn check_request(processors: usize, max: usize, classes: &[&str]) -> Result<
     }
 }
 
-/// What runs programs: some processors that share words, locks and barriers. The words keep their values from one run to the
-/// next; they are zero at first.
+/// What runs programs: some processors that share words, locks and barriers. The words keep their values from one run
+/// to the next; they are zero at first.
 pub trait Machine {
     /// Its processors.
     type Processor: Processor;
 
-    /// Whether operations have times, and those of one time take effect in the order of the processors' numbers.
+    /// Whether operations have times that are the same for all processors, and those of one time take effect in the
+    /// order of the processors' numbers. Where caches decide what an operation takes, times differ.
     const ORDERED: bool;
 
     /// How many processors it has.
@@ -169,8 +178,8 @@ pub trait Machine {
     ///
     /// # Errors
     ///
-    /// Says which processor did something wrong or waits for ever. Real threads notice only some of the waits that never
-    /// end: barriers that another will not reach.
+    /// Says which processor did something wrong or waits for ever. Real threads notice only some of the waits that
+    /// never end: barriers that another will not reach.
     fn run<T, F, R>(&mut self, program: F) -> Result<Run<T>, RunError>
     where
         F: Fn(Self::Processor) -> R + Sync,

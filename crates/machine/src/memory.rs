@@ -1,5 +1,5 @@
-//! Names and sizes of regions become addresses of shared words, each with a home; and the words of machines that one thread
-//! runs.
+//! Names and sizes of regions become addresses of shared words, each with a home; and the words of machines that one
+//! thread runs.
 
 use crate::Fault;
 use thiserror::Error;
@@ -22,7 +22,8 @@ impl Address {
     }
 
     /// The word that is `words` further on; that it lies in the same region is the caller's business.
-    pub(crate) fn plus(self, words: u64) -> Self {
+    #[must_use]
+    pub fn plus(self, words: u64) -> Self {
         Self(self.0.saturating_add(words))
     }
 }

@@ -1,5 +1,5 @@
-//! The vocabulary of machine operations: what a multiprefix does, what a wait waits for, which cells a scan polls, and how
-//! much work is charged.
+//! The vocabulary of machine operations: what a multiprefix does, what a wait waits for, which cells a scan polls, and
+//! how much work is charged.
 
 use crate::memory::Address;
 
@@ -107,8 +107,8 @@ impl Work {
     }
 }
 
-/// The cells that a scan polls in turn: those of a ring in the order own, +1, -1, +2, -2, ..., then perhaps one more, then
-/// from the start again. Small whatever the number of cells, so that thousands of idle processors cost little.
+/// The cells that a scan polls in turn: those of a ring in the order own, +1, -1, +2, -2, ..., then perhaps one more,
+/// then from the start again. Small whatever the number of cells, so that thousands of idle processors cost little.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Sequence {
     first: Address,
@@ -119,8 +119,8 @@ pub struct Sequence {
 }
 
 impl Sequence {
-    /// A ring of `count` cells, `stride` words from one to the next, polled from cell `own` outwards. A sequence without
-    /// cells, without a stride, or with a cell `own` that is none is refused by the scan.
+    /// A ring of `count` cells, `stride` words from one to the next, polled from cell `own` outwards. A sequence
+    /// without cells, without a stride, or with a cell `own` that is none is refused by the scan.
     pub fn around(first: Address, stride: u64, count: usize, own: usize) -> Self {
         Self { first, stride, count, own, also: None }
     }

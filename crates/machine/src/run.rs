@@ -9,6 +9,8 @@ use crate::processor::Cause;
 pub enum ClockUnit {
     /// Units of a simulated machine's time: one instruction.
     Instructions,
+    /// Clocks of a simulated machine's processors.
+    Clocks,
     /// Nanoseconds of real time.
     Nanoseconds,
     /// Operations, charged work not included.
@@ -81,15 +83,23 @@ pub struct Run<T> {
     pub time: Vec<ByCause>,
     /// What each processor did.
     pub counts: Vec<Counts>,
+    /// The time of the longest chain of work, each piece of which depends on the one before, as the program's notes
+    /// have it ([`crate::Note`]). Of all time only that with [`Cause::Work`] is part of it. 0 on machines that do not
+    /// measure it.
+    pub span: u64,
 }
 
 impl<T> Run<T> {
-    /// Checks that every processor's time adds up to the clock, hence all of it to processors times clock.
+    /// Checks that every processor's time adds up to the clock, hence all of it to processors times clock, so that the
+    /// clock is no less than work divided by processors; and that it is no less than the span.
     ///
     /// # Errors
     ///
-    /// Names the first processor whose time does not.
+    /// Names the first processor whose time does not, or the span.
     pub fn check(self) -> Result<Self, RunError> {
+        if self.span > self.clock {
+            return Err(RunError::Span { span: self.span, clock: self.clock });
+        }
         match self.time.iter().position(|t| t.total() != self.clock) {
             Some(processor) => {
                 Err(RunError::Accounting { processor, sum: self.time[processor].total(), clock: self.clock })
@@ -107,6 +117,11 @@ impl<T> Run<T> {
         total
     }
 
+    /// All processors' time with [`Cause::Work`].
+    pub fn work(&self) -> u64 {
+        self.time.iter().map(|t| t.get(Cause::Work)).sum()
+    }
+
     /// What all processors did together.
     pub fn total_counts(&self) -> Counts {
         let mut total = Counts::default();
@@ -119,15 +134,16 @@ impl<T> Run<T> {
 mod tests {
     use super::*;
 
-    /// Catches accounts that lose time and pass.
+    /// Catches accounts that lose time and pass, and chains of work longer than the run.
     #[test]
     fn lost_time_is_found() {
         let mut time = vec![ByCause::default(); 2];
         time[0].add(Cause::Work, 3);
         time[0].add(Cause::Idle, 4);
         time[1].add(Cause::Steal, 6);
-        let run = Run { values: vec![(); 2], clock: 7, unit: ClockUnit::Operations, time, counts: vec![] };
-        assert_eq!(run.total_time().total(), 13);
-        assert_eq!(run.check(), Err(RunError::Accounting { processor: 1, sum: 6, clock: 7 }));
+        let run = Run { values: vec![(); 2], clock: 7, unit: ClockUnit::Operations, time, counts: vec![], span: 3 };
+        assert_eq!((run.total_time().total(), run.work()), (13, 3));
+        assert_eq!(run.clone().check(), Err(RunError::Accounting { processor: 1, sum: 6, clock: 7 }));
+        assert_eq!(Run { span: 8, ..run }.check(), Err(RunError::Span { span: 8, clock: 7 }));
     }
 }

@@ -1,4 +1,5 @@
-//! The machine of one processor: operations are done as they are polled, and a wait that does not end at once never ends.
+//! The machine of one processor: operations are done as they are polled, and a wait that does not end at once never
+//! ends.
 
 use std::cell::{Cell, RefCell};
 use std::future::{Future, pending};
@@ -107,6 +108,7 @@ impl Machine for Sequential {
                 unit: ClockUnit::Operations,
                 time: vec![state.time],
                 counts: vec![state.counts],
+                span: 0,
             }
             .check(),
         }

@@ -1,5 +1,6 @@
-//! The protocols under a model checker that chooses who goes next before every operation. It tries many orders of effects, not
-//! all; a pass says that none of those tried breaks a promise. All effects have one order, as every machine promises.
+//! The protocols under a model checker that chooses who goes next before every operation. It tries many orders of
+//! effects, not all; a pass says that none of those tried breaks a promise. All effects have one order, as every
+//! machine promises.
 
 #![allow(clippy::unwrap_used)]
 
@@ -174,12 +175,12 @@ impl Machine for Checked {
                 .collect();
             threads.into_iter().map(|t| t.join().unwrap()).collect()
         });
-        Ok(Run { values, clock: 0, unit: ClockUnit::Operations, time: vec![], counts: vec![] })
+        Ok(Run { values, clock: 0, unit: ClockUnit::Operations, time: vec![], counts: vec![], span: 0 })
     }
 }
 
-/// Tries orders: at random, and such as need few changes of processor at the wrong moment (priorities that change at so many
-/// places).
+/// Tries orders: at random, and such as need few changes of processor at the wrong moment (priorities that change at so
+/// many places).
 fn in_many_orders(body: fn()) {
     shuttle::check_random(body, 1500);
     shuttle::check_pct(body, 1500, 3);
@@ -239,8 +240,8 @@ fn distributed_queues_deliver_each_task_once() {
     );
 }
 
-/// Catches slots used by two tasks at a time, tickets without a task or an end, and a wait for ever; two slots make every wait
-/// occur.
+/// Catches slots used by two tasks at a time, tickets without a task or an end, and a wait for ever; two slots make
+/// every wait occur.
 #[test]
 fn the_parallel_queue_delivers_each_task_once() {
     macro_rules! with_slots {
@@ -260,8 +261,8 @@ fn the_parallel_queue_delivers_each_task_once() {
     with_slots!(4, 8);
 }
 
-/// Catches an end that is told twice or to nobody, and tickets of one phase that are left to the next: phases of no task, one
-/// and three, on fewer slots than there are processors.
+/// Catches an end that is told twice or to nobody, and tickets of one phase that are left to the next: phases of no
+/// task, one and three, on fewer slots than there are processors.
 #[test]
 fn phases_of_the_parallel_queue_end_and_leave_it_empty() {
     in_many_orders(|| {

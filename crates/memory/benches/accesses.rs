@@ -1,5 +1,5 @@
-//! What an access costs the host: hits, a stream through memory, lines that wander between processors, and a mixture, on DASH
-//! with 64 processors and on two sockets with 56.
+//! What an access costs the host: hits, a stream through memory, lines that wander between processors, and a mixture,
+//! on DASH with 64 processors and on two sockets with 56.
 //!
 //! `cargo bench -p isolux-memory` reports accesses per second.
 

@@ -1,5 +1,5 @@
-//! Caches of all processors in flat arrays: a line and a processor come in, its slot or the slot to replace goes out; what a
-//! slot means to others is left to the system.
+//! Caches of all processors in flat arrays: a line and a processor come in, its slot or the slot to replace goes out;
+//! what a slot means to others is left to the system.
 
 use crate::spec::CacheSpec;
 

@@ -1,4 +1,5 @@
-//! The one check of a system: it lists what must hold between any two accesses, and names the first thing that does not.
+//! The one check of a system: it lists what must hold between any two accesses, and names the first thing that does
+//! not.
 
 use crate::System;
 use crate::cache::Caches;
@@ -24,7 +25,8 @@ pub enum Broken {
         /// The line.
         line: u32,
     },
-    /// A dirty line that is not its only copy, or a dirty cache that the directory does not name, or the other way round.
+    /// A dirty line that is not its only copy, or a dirty cache that the directory does not name, or the other way
+    /// round.
     #[error("processor {processor}: line {line} has not this one writer")]
     Writer {
         /// The processor.

@@ -1,5 +1,5 @@
-//! What is known of each line of memory: the directory's entry, and who had and has the line, to find copies and causes; how
-//! this changes is left to the system.
+//! What is known of each line of memory: the directory's entry, and who had and has the line, to find copies and
+//! causes; how this changes is left to the system.
 
 /// A line's entry: numbers of 64 bits, side by side so that a miss meets one place of the host's memory.
 ///
@@ -13,11 +13,18 @@
 /// | `stale`, for each word | of those in `gone`, the ones that lost it no later than a write to this word |
 #[derive(Clone, Debug)]
 pub(crate) struct Directory {
-    entries: Vec<u64>,
+    /// Entries of `CHUNK` lines each, as they are first changed; the others are all zero.
+    chunks: Vec<Option<Box<[u64]>>>,
+    /// The entry of a line that nobody asked for.
+    untouched: Box<[u64]>,
+    lines: usize,
     /// Numbers for one bit of each processor.
     words: usize,
     stride: usize,
 }
+
+/// Lines to a chunk: on DASH a page's, 18 KB of the host's memory.
+const CHUNK: usize = 256;
 
 const CLUSTERS: usize = 0;
 const OWNER: usize = 1;
@@ -26,27 +33,34 @@ const HAD: usize = 2;
 impl Directory {
     pub(crate) fn new(processors: usize, words_per_line: usize) -> Directory {
         let words = processors.div_ceil(64);
-        Directory { entries: Vec::new(), words, stride: HAD + words * (3 + words_per_line) }
+        let stride = HAD + words * (3 + words_per_line);
+        Directory { chunks: Vec::new(), untouched: vec![0; stride].into(), lines: 0, words, stride }
     }
 
     /// Makes room for this many lines.
     pub(crate) fn grow(&mut self, lines: usize) {
-        self.entries.resize(lines * self.stride, 0);
+        self.lines = self.lines.max(lines);
+        self.chunks.resize_with(self.lines.div_ceil(CHUNK), || None);
     }
 
     #[inline]
     pub(crate) fn entry(&mut self, line: u32) -> Entry<'_> {
-        let start = line as usize * self.stride;
-        Entry { numbers: &mut self.entries[start..start + self.stride], words: self.words }
+        let (chunk, start) = (line as usize / CHUNK, line as usize % CHUNK * self.stride);
+        let entries = self.chunks[chunk].get_or_insert_with(|| vec![0; CHUNK * self.stride].into());
+        Entry { numbers: &mut entries[start..start + self.stride], words: self.words }
     }
 
     pub(crate) fn view(&self, line: u32) -> View<'_> {
-        let start = line as usize * self.stride;
-        View { numbers: &self.entries[start..start + self.stride], words: self.words }
+        let (chunk, start) = (line as usize / CHUNK, line as usize % CHUNK * self.stride);
+        let numbers = match &self.chunks[chunk] {
+            Some(entries) => &entries[start..start + self.stride],
+            None => &self.untouched[..],
+        };
+        View { numbers, words: self.words }
     }
 
     pub(crate) fn lines(&self) -> u32 {
-        (self.entries.len() / self.stride) as u32
+        self.lines as u32
     }
 }
 

@@ -1,15 +1,17 @@
-//! The simulated address space: regions ask for bytes, addresses come out; pages know their region and home, and what is
-//! stored at an address is left to the caller.
+//! The simulated address space: regions ask for bytes, addresses come out; pages know their region and home, and what
+//! is stored at an address is left to the caller.
 //!
-//! Layout: addresses start at 0. Pages are handed out in ascending order, each to one region. An allocation goes behind the
-//! region's last one where its last page has room for all of it, and else onto new pages of its own, which follow each other.
+//! Layout: addresses start at 0. Pages are handed out in ascending order, each to one region. An allocation goes behind
+//! the region's last one where its last page has room for all of it, and else onto new pages of its own, which follow
+//! each other.
 
 use crate::counts::Counts;
 
 /// A simulated address: bytes from the start of the address space.
 pub type Address = u64;
 
-/// Bytes of a page: 4 KB, as the MIPS R3000 of DASH maps them (Kane, "MIPS RISC Architecture", 1988), and Intel 64 by default.
+/// Bytes of a page: 4 KB, as the MIPS R3000 of DASH maps them (Kane, "MIPS RISC Architecture", 1988), and Intel 64 by
+/// default.
 pub const PAGE_BYTES: u64 = 4096;
 pub(crate) const PAGE_BITS: u32 = PAGE_BYTES.trailing_zeros();
 

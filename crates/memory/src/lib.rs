@@ -1,8 +1,8 @@
-//! The memory system of a cache-coherent NUMA machine: accesses come in one after the other, the level that served each and
-//! its cost in clocks go out; time, contention and what the data mean are left to the caller.
+//! The memory system of a cache-coherent NUMA machine: accesses come in one after the other, the level that served each
+//! and its cost in clocks go out; time, contention and what the data mean are left to the caller.
 //!
-//! The protocol, its costs and what it leaves out are in `crates/memory/README.md`. A simulation that fits in cache here says
-//! nothing of how a machine behaves when everyone asks at once: nothing queues in this model.
+//! The protocol, its costs and what it leaves out are in `crates/memory/README.md`. A simulation that fits in cache
+//! here says nothing of how a machine behaves when everyone asks at once: nothing queues in this model.
 //!
 //! ```
 //! use isolux_memory::{Home, Kind, Level, Spec, System};
@@ -24,11 +24,13 @@ mod check;
 mod counts;
 mod directory;
 mod layout;
+mod reader;
 mod spec;
 mod system;
 
 pub use check::Broken;
 pub use counts::{Cause, Counts, Kind, Level};
 pub use layout::{Address, Home, LayoutError, PAGE_BYTES, Region};
-pub use spec::{CacheSpec, Latency, Spec, SpecError};
+pub use reader::{Section, SpecError, read};
+pub use spec::{CacheSpec, DASH, Latency, Spec, TWO_SOCKET};
 pub use system::{Access, AccessError, Held, Listed, MachineError, System};

@@ -1,8 +1,10 @@
-//! The figures of a machine, read from TOML; each is checked here, and an error names the file and the key.
+//! The figures of a machine's memory system, from a spec file; each is checked here, and an error names the file and
+//! the key. Figures of the same machine that others read (the tables `wait`, `lock`, `barrier` and `work`) are left to
+//! them.
 
 use crate::Level;
+use crate::reader::{Section, SpecError, read};
 use std::path::Path;
-use toml::{Table, Value};
 
 /// The figures of a machine. Only [`Spec::parse`] makes one, so that its figures make sense together.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -38,69 +40,13 @@ impl Latency {
     }
 }
 
-/// What is wrong with a spec file.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum SpecError {
-    /// The file cannot be read.
-    #[error("{file}: cannot be read: {reason}")]
-    Unreadable {
-        /// The file.
-        file: String,
-        /// What the system says.
-        reason: String,
-    },
-    /// The file is not TOML.
-    #[error("{file}: {reason}")]
-    Syntax {
-        /// The file.
-        file: String,
-        /// What the parser says, with the line.
-        reason: String,
-    },
-    /// A figure is not there.
-    #[error("{file}: {key} is missing")]
-    Missing {
-        /// The file.
-        file: String,
-        /// The figure.
-        key: String,
-    },
-    /// A key means nothing here.
-    #[error("{file}: {key} is not a figure of a machine")]
-    Unknown {
-        /// The file.
-        file: String,
-        /// The key.
-        key: String,
-    },
-    /// A value has the wrong type.
-    #[error("{file}: {key} must be {expected}, not {found}")]
-    Type {
-        /// The file.
-        file: String,
-        /// The figure.
-        key: String,
-        /// The type that it must have.
-        expected: &'static str,
-        /// The type that it has.
-        found: &'static str,
-    },
-    /// A figure cannot be true.
-    #[error("{file}: {key} = {value}: {reason}")]
-    Absurd {
-        /// The file.
-        file: String,
-        /// The figure.
-        key: String,
-        /// Its value.
-        value: i64,
-        /// What it must be.
-        reason: String,
-    },
-}
+/// The text of DASH's spec file, `crates/memory/specs/dash.toml`.
+pub const DASH: &str = include_str!("../specs/dash.toml");
+/// The text of the two sockets' spec file, `crates/memory/specs/two-socket.toml`.
+pub const TWO_SOCKET: &str = include_str!("../specs/two-socket.toml");
 
-const DASH: &str = include_str!("../specs/dash.toml");
-const TWO_SOCKET: &str = include_str!("../specs/two-socket.toml");
+/// Tables of a spec file that say nothing of memory.
+const OTHERS: [&str; 4] = ["wait", "lock", "barrier", "work"];
 
 /// Sharers are the bits of one word of the directory.
 const MOST_CLUSTERS: i64 = 64;
@@ -110,15 +56,16 @@ const MOST_PER_CLUSTER: i64 = 64;
 const MOST_WORDS: i64 = 32;
 /// 1 GB: beyond it, a figure in kilobytes was most likely given in bytes.
 const MOST_CACHE_BYTES: i64 = 1 << 30;
-/// Lines of all caches of a level together: slots have numbers of 32 bits, and this many take 4 GB of the host's memory.
+/// Lines of all caches of a level together: slots have numbers of 32 bits, and this many take 4 GB of the host's
+/// memory.
 const MOST_LINES: i64 = 1 << 28;
 /// No machine's memory is a million clocks away; keeps sums in 64 bits.
 const MOST_CLOCKS: i64 = 1_000_000;
 const MOST_MHZ: i64 = 100_000;
 
 impl Spec {
-    /// The Stanford DASH prototype, from `crates/memory/specs/dash.toml`: one level of caches (D23), and a remote cache as far
-    /// as a home cluster (D24).
+    /// The Stanford DASH prototype, from `crates/memory/specs/dash.toml`: one level of caches (D23), and a remote cache
+    /// as far as a home cluster (D24).
     ///
     /// # Errors
     /// None that a test would not have met: the file is part of the program.
@@ -139,11 +86,8 @@ impl Spec {
     /// # Errors
     /// The first thing wrong with the file.
     pub fn read(path: &Path) -> Result<Spec, SpecError> {
-        let file = path.display().to_string();
-        match std::fs::read_to_string(path) {
-            Ok(text) => Spec::parse(&file, &text),
-            Err(error) => Err(SpecError::Unreadable { file, reason: error.to_string() }),
-        }
+        let (file, text) = read(path)?;
+        Spec::parse(&file, &text)
     }
 
     /// Reads the text of a spec file; `file` is what errors call it.
@@ -151,21 +95,29 @@ impl Spec {
     /// # Errors
     /// The first thing wrong with the text.
     pub fn parse(file: &str, text: &str) -> Result<Spec, SpecError> {
-        let table = text.parse::<Table>().map_err(|error| {
-            let line = error.span().map_or(1, |span| 1 + text[..span.start].matches('\n').count());
-            SpecError::Syntax { file: file.to_owned(), reason: format!("line {line}: {}", error.message()) }
-        })?;
-        let mut top = Section { file, path: "", table };
+        let mut top = Section::parse(file, text)?;
+        for others in OTHERS {
+            top.section(others)?;
+        }
+        let it = Spec::take(&mut top)?;
+        top.done()?;
+        Ok(it)
+    }
+
+    /// Takes the figures of the memory system out of a spec file that may have others.
+    ///
+    /// # Errors
+    /// The first thing wrong with them.
+    pub fn take(top: &mut Section<'_>) -> Result<Spec, SpecError> {
         let name = top.text("name")?;
         let clock_mhz = top.integer("clock_mhz", 1, MOST_MHZ)?;
         let clusters = top.integer("clusters", 1, MOST_CLUSTERS)?;
         let processors_per_cluster = top.integer("processors_per_cluster", 1, MOST_PER_CLUSTER)?;
         let word_bytes = top.power_of_two("word_bytes", 1, 64)?;
         let line_bytes = top.power_of_two("line_bytes", word_bytes, MOST_WORDS * word_bytes)?;
-        let first =
-            top.section("first_level")?.ok_or_else(|| top.missing("first_level"))?.cache(line_bytes, line_bytes)?;
+        let first = cache(top.required("first_level")?, line_bytes, line_bytes)?;
         let second = match top.section("second_level")? {
-            Some(section) => Some(section.cache(line_bytes, first.bytes as i64)?),
+            Some(section) => Some(cache(section, line_bytes, first.bytes as i64)?),
             None => None,
         };
         let processors = clusters * processors_per_cluster;
@@ -177,9 +129,7 @@ impl Spec {
                 return Err(top.absurd(key, bytes as i64, reason));
             }
         }
-        let latency =
-            top.section("latency")?.ok_or_else(|| top.missing("latency"))?.latency(second.is_some(), clusters)?;
-        top.done()?;
+        let latency = latency(top.required("latency")?, second.is_some(), clusters)?;
         Ok(Spec {
             name,
             clock_mhz: clock_mhz as u32,
@@ -244,108 +194,46 @@ impl Spec {
     }
 }
 
-/// A table of the file whose keys are taken one by one; what is left is unknown.
-struct Section<'a> {
-    file: &'a str,
-    path: &'static str,
-    table: Table,
+fn cache(mut section: Section<'_>, line: i64, least: i64) -> Result<CacheSpec, SpecError> {
+    let bytes = section.power_of_two("bytes", least, MOST_CACHE_BYTES)?;
+    let ways = section.integer("ways", 1, MOST_CACHE_BYTES)?;
+    if bytes % (line * ways) != 0 {
+        return Err(section.absurd(
+            "ways",
+            ways,
+            format!("{bytes} bytes are not a whole number of sets of {ways} lines"),
+        ));
+    }
+    section.done()?;
+    Ok(CacheSpec { bytes: bytes as u64, ways: ways as u64 })
 }
 
-impl<'a> Section<'a> {
-    fn key(&self, key: &str) -> String {
-        if self.path.is_empty() { key.to_owned() } else { format!("{}.{key}", self.path) }
-    }
-
-    fn missing(&self, key: &str) -> SpecError {
-        SpecError::Missing { file: self.file.to_owned(), key: self.key(key) }
-    }
-
-    fn wrong(&self, key: &str, expected: &'static str, found: &Value) -> SpecError {
-        SpecError::Type { file: self.file.to_owned(), key: self.key(key), expected, found: found.type_str() }
-    }
-
-    fn absurd(&self, key: &str, value: i64, reason: impl Into<String>) -> SpecError {
-        SpecError::Absurd { file: self.file.to_owned(), key: self.key(key), value, reason: reason.into() }
-    }
-
-    fn text(&mut self, key: &str) -> Result<String, SpecError> {
-        match self.table.remove(key) {
-            Some(Value::String(text)) => Ok(text),
-            Some(other) => Err(self.wrong(key, "a string", &other)),
-            None => Err(self.missing(key)),
-        }
-    }
-
-    fn integer(&mut self, key: &str, least: i64, most: i64) -> Result<i64, SpecError> {
-        match self.table.remove(key) {
-            Some(Value::Integer(value)) if (least..=most).contains(&value) => Ok(value),
-            Some(Value::Integer(value)) => Err(self.absurd(key, value, format!("must lie in {least} to {most}"))),
-            Some(other) => Err(self.wrong(key, "an integer", &other)),
-            None => Err(self.missing(key)),
-        }
-    }
-
-    fn power_of_two(&mut self, key: &str, least: i64, most: i64) -> Result<i64, SpecError> {
-        let value = self.integer(key, least, most)?;
-        if value.count_ones() == 1 { Ok(value) } else { Err(self.absurd(key, value, "must be a power of two")) }
-    }
-
-    fn section(&mut self, key: &'static str) -> Result<Option<Section<'a>>, SpecError> {
-        match self.table.remove(key) {
-            Some(Value::Table(table)) => Ok(Some(Section { file: self.file, path: key, table })),
-            Some(other) => Err(self.wrong(key, "a table", &other)),
-            None => Ok(None),
-        }
-    }
-
-    fn done(self) -> Result<(), SpecError> {
-        match self.table.keys().next() {
-            Some(key) => Err(SpecError::Unknown { file: self.file.to_owned(), key: self.key(key) }),
-            None => Ok(()),
-        }
-    }
-
-    fn cache(mut self, line: i64, least: i64) -> Result<CacheSpec, SpecError> {
-        let bytes = self.power_of_two("bytes", least, MOST_CACHE_BYTES)?;
-        let ways = self.integer("ways", 1, MOST_CACHE_BYTES)?;
-        if bytes % (line * ways) != 0 {
-            return Err(self.absurd(
-                "ways",
-                ways,
-                format!("{bytes} bytes are not a whole number of sets of {ways} lines"),
-            ));
-        }
-        self.done()?;
-        Ok(CacheSpec { bytes: bytes as u64, ways: ways as u64 })
-    }
-
-    fn latency(mut self, second: bool, clusters: i64) -> Result<Latency, SpecError> {
-        // Keys that the machine has a use for, each after those that it must not undercut.
-        let mut clocks = [0; Level::ALL.len()];
-        for (level, key, exists, nearer) in [
-            (Level::First, "first_level", true, &[][..]),
-            (Level::Second, "second_level", second, &[Level::First]),
-            (Level::Neighbour, "neighbour", true, &[Level::First, Level::Second]),
-            (Level::LocalMemory, "local_memory", true, &[Level::Neighbour]),
-            (Level::RemoteMemory, "remote_memory", clusters > 1, &[Level::LocalMemory]),
-            (Level::RemoteCache, "remote_cache", clusters > 1, &[Level::LocalMemory]),
-            (Level::ThirdCluster, "third_cluster", clusters > 2, &[Level::RemoteMemory, Level::RemoteCache]),
-        ] {
-            if !exists {
-                if let Some(value) = self.table.get(key) {
-                    let value = value.as_integer().unwrap_or_default();
-                    return Err(self.absurd(key, value, "this machine has no such level"));
-                }
-                continue;
+fn latency(mut section: Section<'_>, second: bool, clusters: i64) -> Result<Latency, SpecError> {
+    // Keys that the machine has a use for, each after those that it must not undercut.
+    let mut clocks = [0; Level::ALL.len()];
+    for (level, key, exists, nearer) in [
+        (Level::First, "first_level", true, &[][..]),
+        (Level::Second, "second_level", second, &[Level::First]),
+        (Level::Neighbour, "neighbour", true, &[Level::First, Level::Second]),
+        (Level::LocalMemory, "local_memory", true, &[Level::Neighbour]),
+        (Level::RemoteMemory, "remote_memory", clusters > 1, &[Level::LocalMemory]),
+        (Level::RemoteCache, "remote_cache", clusters > 1, &[Level::LocalMemory]),
+        (Level::ThirdCluster, "third_cluster", clusters > 2, &[Level::RemoteMemory, Level::RemoteCache]),
+    ] {
+        if !exists {
+            if section.has(key) {
+                let value = section.integer(key, i64::MIN, i64::MAX)?;
+                return Err(section.absurd(key, value, "this machine has no such level"));
             }
-            let value = self.integer(key, 1, MOST_CLOCKS)?;
-            let bound = nearer.iter().map(|&l: &Level| clocks[l as usize]).max().unwrap_or(0);
-            if value < i64::from(bound) {
-                return Err(self.absurd(key, value, format!("a nearer level takes {bound} clocks")));
-            }
-            clocks[level as usize] = value as u32;
+            continue;
         }
-        self.done()?;
-        Ok(Latency(clocks))
+        let value = section.integer(key, 1, MOST_CLOCKS)?;
+        let bound = nearer.iter().map(|&l: &Level| clocks[l as usize]).max().unwrap_or(0);
+        if value < i64::from(bound) {
+            return Err(section.absurd(key, value, format!("a nearer level takes {bound} clocks")));
+        }
+        clocks[level as usize] = value as u32;
     }
+    section.done()?;
+    Ok(Latency(clocks))
 }

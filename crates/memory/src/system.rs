@@ -1,6 +1,6 @@
 //! The machine: accesses come in, levels and clocks go out, by the protocol of `crates/memory/README.md`; the order of
-//! accesses and what happens between them are left to the caller. A dirty line that a neighbour reads is written back at
-//! once (D26).
+//! accesses and what happens between them are left to the caller. A dirty line that a neighbour reads is written back
+//! at once (D26).
 
 use crate::cache::{Caches, EMPTY};
 use crate::counts::{Cause, Counts, Kind, Level};
@@ -92,7 +92,8 @@ struct Request {
 }
 
 impl System {
-    /// The machine with this many processors in use, clusters filled in order; all caches and the address space are empty.
+    /// The machine with this many processors in use, clusters filled in order; all caches and the address space are
+    /// empty.
     ///
     /// # Errors
     /// If the machine does not have as many.
@@ -343,7 +344,8 @@ impl System {
     }
 }
 
-/// What a write waits for (D25: sequential consistency) when no cache has the line dirty; `near`: a cache of the cluster has it shared.
+/// What a write waits for (D25: sequential consistency) when no cache has the line dirty; `near`: a cache of the
+/// cluster has it shared.
 fn ownership(sharers: u64, cluster: usize, home: usize, near: bool) -> Level {
     let others = sharers & !(1 << cluster);
     if cluster != home {

@@ -1,4 +1,5 @@
-//! Random sequences of accesses, answered by the system and by slow models made of sets and lists; the check after each few.
+//! Random sequences of accesses, answered by the system and by slow models made of sets and lists; the check after each
+//! few.
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
@@ -137,8 +138,8 @@ proptest! {
         prop_assert_eq!(system.check(), Ok(()));
     }
 
-    /// Would catch wrong replacement, inclusion, write-back or directory memory, with one level or two, and counts that are
-    /// not those of the answers.
+    /// Would catch wrong replacement, inclusion, write-back or directory memory, with one level or two, and counts that
+    /// are not those of the answers.
     #[test]
     fn caches_that_replace_agree_with_lists(machine in machine(), draws in draws()) {
         let (mut system, shape) = machine.start();

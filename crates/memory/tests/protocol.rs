@@ -156,7 +156,8 @@ fn dirty_line_is_written_back_when_it_makes_room() {
     assert_eq!(system.counts(region, 0).invalidations, 0);
 }
 
-/// D26. Would catch traffic that leaves the cluster although a neighbour has the line, and a line that stays dirty then.
+/// D26. Would catch traffic that leaves the cluster although a neighbour has the line, and a line that stays dirty
+/// then.
 #[test]
 fn neighbours_share_without_leaving_the_cluster() {
     let (mut system, region, address) = dash(8);
@@ -234,7 +235,8 @@ fn homes_follow_their_rule() {
 /// Would catch a first level that answers for lines the second has lost, and levels that cost as each other.
 #[test]
 fn two_levels_include_each_other() {
-    // First level 2 sets of 1, second 4 sets of 1: lines 64 bytes apart are rivals in both, 32 bytes apart in the first.
+    // First level 2 sets of 1, second 4 sets of 1: lines 64 bytes apart are rivals in both, 32 bytes apart in the
+    // first.
     let spec = small("first_level = { bytes = 32, ways = 1 }\nsecond_level = { bytes = 64, ways = 1 }");
     let mut system = System::new(&spec, 2).unwrap();
     let region = system.region("page", Home::Cluster(0)).unwrap();

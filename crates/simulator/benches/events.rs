@@ -1,4 +1,5 @@
-//! What an event costs: effects a second of simulated programs, those that issue at every unit and those that wait.
+//! What an event costs: effects a second of simulated programs, those that issue at every unit and those that wait;
+//! accesses a second of machines with caches; and what a run costs that does nothing.
 
 #![allow(missing_docs)]
 
@@ -8,13 +9,14 @@ use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_m
 use isolux_machine::protocols::{
     DistributedQueues, ParallelLoop, ParallelQueue, StealCounts, Termination, parallel_for,
 };
-use isolux_machine::{Home, Machine, Prefix, Processor};
-use isolux_simulator::{SimulatedProcessor, Simulator, Spec};
+use isolux_machine::{Cause, Home, Machine, Mark, Prefix, Processor};
+use isolux_simulator::{CacheProcessor, CacheSimulator, MachineSpec, SimulatedProcessor, Simulator};
 
 const TASKS: u64 = 20_000;
 
 fn machine(processors: usize) -> Simulator {
-    Simulator::new(&Spec::sb_pram(), processors, &[]).expect("no class of work needs a figure")
+    Simulator::new(&MachineSpec::named("sb-pram").expect("comes along"), processors, &[])
+        .expect("no class of work needs a figure")
 }
 
 /// Every processor loads words of its own, one after the other.
@@ -95,6 +97,69 @@ fn parallel(processors: usize) -> u64 {
     machine.events()
 }
 
+/// A program that does nothing: what the start and the end of a run cost.
+fn nothing(machine: &mut Simulator) -> u64 {
+    machine.run(async |p: SimulatedProcessor| p.enter(Mark::new(Cause::Work, "nothing"))).expect("sound").clock
+}
+
+fn empty_runs(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("empty run");
+    for processors in [1024, 16_384] {
+        let mut machine = machine(processors);
+        machine.allocate("words", 1 << 20, Home::RoundRobin).expect("fits");
+        machine.allocate_locks(processors as u32);
+        group.bench_function(BenchmarkId::from_parameter(processors), |b| b.iter(|| nothing(&mut machine)));
+    }
+}
+
+/// A machine with caches: words of their own, records that all read, a counter that wanders.
+fn with_caches(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("caches");
+    group.sample_size(10);
+    for (name, processors) in [("dash", 1), ("dash", 64), ("two-socket", 56)] {
+        let spec = MachineSpec::named(name).expect("comes along");
+        let mut machine = CacheSimulator::new(&spec, processors, &[]).expect("no class of work needs a figure");
+        let words = machine.allocate("words", 512 * processors as u64, Home::FirstTouch).expect("fits");
+        let records = machine.allocate("records", 1 << 21, Home::RoundRobin).expect("fits");
+        let cell = machine.allocate("cell", 1, Home::RoundRobin).expect("fits").at(0);
+        let turns = (1 << 18) / processors as u64;
+        let mut measure = |what: &str, accesses: u64, program: &mut dyn FnMut(&mut CacheSimulator)| {
+            group.throughput(Throughput::Elements(accesses));
+            let id = BenchmarkId::new(what, format!("{name} {processors}"));
+            group.bench_function(id, |b| b.iter(|| program(&mut machine)));
+        };
+        measure("loads", turns * processors as u64, &mut |machine| {
+            let run = machine.run(async |p: CacheProcessor| {
+                for turn in 0..turns {
+                    black_box(p.load(words.at(512 * p.id() as u64 + turn % 512)).await);
+                }
+            });
+            run.expect("sound");
+        });
+        measure("prefixes", turns * processors as u64, &mut |machine| {
+            let run = machine.run(async |p: CacheProcessor| {
+                for _ in 0..turns {
+                    black_box(p.prefix(Prefix::Add, cell, 1).await);
+                }
+            });
+            run.expect("sound");
+        });
+        // Half of the records in a small part, which stays in the cache, the others all over 16 MB; 64 bytes each.
+        let mix = |i: u64| (i * 2_654_435_761 % if i.is_multiple_of(2) { 1 << 10 } else { 1 << 18 }) as u32;
+        let lines = spec.caches().map_or(1, |m| 64 / m.line_bytes());
+        measure("touched lines", (1 << 17) * lines, &mut |machine| {
+            let run = machine.run(async |p: CacheProcessor| {
+                let (own, all) = (p.id() as u64, p.count() as u64);
+                for turn in 0..(1 << 17) / 32 / all {
+                    let list: [u32; 32] = std::array::from_fn(|i| mix((turn * all + own) * 32 + i as u64));
+                    p.touch(records, 8, &list).await;
+                }
+            });
+            run.expect("sound");
+        });
+    }
+}
+
 fn events(criterion: &mut Criterion) {
     type Program = fn(usize) -> u64;
     let programs: [(&str, Program); 4] =
@@ -109,5 +174,5 @@ fn events(criterion: &mut Criterion) {
     }
 }
 
-criterion_group!(benches, events);
+criterion_group!(benches, events, empty_runs, with_caches);
 criterion_main!(benches);

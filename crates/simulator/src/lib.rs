@@ -1,12 +1,12 @@
-//! Simulated machines: a program of [`isolux_machine`] goes in and really runs, its operations taking effect in simulated time;
-//! a clock, accounts and a trace come out. What the program computes is left to it. README.md of this crate says what costs
-//! what, and what is not modelled.
+//! Simulated machines: a program of [`isolux_machine`] goes in and really runs, its operations taking effect in
+//! simulated time; a clock, accounts and a trace come out. What the program computes is left to it. README.md of this
+//! crate says what costs what, and what is not modelled.
 //!
 //! ```
 //! use isolux_machine::{Home, Machine, Prefix, Processor};
-//! use isolux_simulator::{Simulator, Spec};
+//! use isolux_simulator::{MachineSpec, Simulator};
 //!
-//! let mut machine = Simulator::new(&Spec::sb_pram(), 1000, &[])?;
+//! let mut machine = Simulator::new(&MachineSpec::named("sb-pram")?, 1000, &[])?;
 //! let counter = machine.allocate("counter", 1, Home::RoundRobin)?.at(0);
 //! let run = machine.run(async |p: isolux_simulator::SimulatedProcessor| p.prefix(Prefix::Add, counter, 1).await)?;
 //! assert_eq!(run.clock, 2, "a multiprefix takes two units, whatever the number of participants");
@@ -14,10 +14,19 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod caches;
 mod engine;
-mod ideal;
-mod sb_pram;
 mod spec;
 
-pub use engine::{Interval, Polling, SimulatedProcessor, Simulator, Trace};
-pub use spec::{Spec, SpecError};
+pub use caches::Caches;
+pub use engine::{Interval, Memory, Polling, ProcessorOf, SimulatorOf, Trace, Uniform};
+pub use spec::{MachineSpec, SpecError};
+
+/// A simulated machine with uniform access to its words.
+pub type Simulator = SimulatorOf<Uniform>;
+/// A processor of a [`Simulator`].
+pub type SimulatedProcessor = ProcessorOf<Uniform>;
+/// A simulated machine with caches and a directory.
+pub type CacheSimulator = SimulatorOf<Caches>;
+/// A processor of a [`CacheSimulator`].
+pub type CacheProcessor = ProcessorOf<Caches>;

@@ -7,7 +7,9 @@ use isolux_machine::{
     BarrierId, Condition, Home, LockId, Machine, Mark, Prefix, Processor, Region, Run, RunError, Sequence, Work,
     WorkClass,
 };
-use isolux_simulator::{Polling, SimulatedProcessor, Simulator, Spec};
+use isolux_simulator::{
+    Caches, MachineSpec, Memory, Polling, ProcessorOf, SimulatedProcessor, Simulator, SimulatorOf, Uniform,
+};
 use proptest::prelude::*;
 
 const CELLS: u64 = 6;
@@ -17,6 +19,9 @@ const CELLS: u64 = 6;
 enum Step {
     Load(u64),
     Store(u64, u64),
+    LoadBlock(u64),
+    StoreBlock(u64, u64),
+    Touch(u32),
     Prefix(u8, u64, u64),
     Charge(u64),
     Locked(u32, u64),
@@ -41,6 +46,9 @@ fn a_step() -> impl Strategy<Value = Step> {
         (0..CELLS, 0..4u64).prop_map(|(c, v)| Step::Store(c, v)),
         (0..CELLS, 0..4u64).prop_map(|(c, v)| Step::Store(c, v)),
         (0..4u8, 0..CELLS, prop_oneof![0..4u64, Just(u64::MAX)]).prop_map(|(o, c, v)| Step::Prefix(o, c, v)),
+        (0..CELLS - 2).prop_map(Step::LoadBlock),
+        (0..CELLS - 2, 0..3u64).prop_map(|(c, v)| Step::StoreBlock(c, v)),
+        (0..3u32).prop_map(Step::Touch),
         (0..40u64).prop_map(Step::Charge),
         (0..2u32, 0..10u64).prop_map(|(l, w)| Step::Locked(l, w)),
         (0..CELLS, conditions()).prop_map(|(c, n)| Step::Wait(c, n)),
@@ -49,11 +57,23 @@ fn a_step() -> impl Strategy<Value = Step> {
     ]
 }
 
-async fn act(p: &SimulatedProcessor, cells: Region, step: Step) -> u64 {
+async fn act<P: Processor>(p: &P, cells: Region, step: Step) -> u64 {
     match step {
         Step::Load(c) => p.load(cells.at(c)).await,
         Step::Store(c, v) => {
             p.store(cells.at(c), v).await;
+            0
+        }
+        Step::LoadBlock(c) => {
+            let words = p.load_block::<3>(cells.at(c)).await;
+            words.into_iter().fold(0, |sum: u64, word| sum.wrapping_mul(5).wrapping_add(word))
+        }
+        Step::StoreBlock(c, v) => {
+            p.store_block(cells.at(c), [v, v + 1, v]).await;
+            0
+        }
+        Step::Touch(record) => {
+            p.touch(cells, 2, &[record, 0]).await;
             0
         }
         Step::Prefix(op, c, v) => {
@@ -90,12 +110,20 @@ struct Outcome {
     events: u64,
 }
 
-fn simulate(programs: &[Vec<Step>], spec: &Spec, polling: Polling) -> Outcome {
-    let mut machine = Simulator::new(spec, programs.len(), &["step"]).unwrap().traced(true).polling(polling);
+/// The same programs with each way of polling, on the machine of these figures.
+fn both(programs: &[Vec<Step>], spec: &MachineSpec) -> [Outcome; 2] {
+    [Polling::ClosedForm, Polling::EveryPoll].map(|polling| match spec.caches() {
+        None => simulate::<Uniform>(programs, spec, polling),
+        Some(_) => simulate::<Caches>(programs, spec, polling),
+    })
+}
+
+fn simulate<M: Memory>(programs: &[Vec<Step>], spec: &MachineSpec, polling: Polling) -> Outcome {
+    let mut machine = SimulatorOf::<M>::new(spec, programs.len(), &["step"]).unwrap().traced(true).polling(polling);
     let cells = machine.allocate("cells", CELLS, Home::RoundRobin).unwrap();
     machine.allocate_locks(2);
     machine.allocate_barriers(1);
-    let run = machine.run(async |p: SimulatedProcessor| {
+    let run = machine.run(async |p: ProcessorOf<M>| {
         let mut seen = vec![];
         for &step in &programs[p.id()] {
             let before = p.enter(Mark::new(isolux_machine::Cause::Work, "step"));
@@ -109,8 +137,8 @@ fn simulate(programs: &[Vec<Step>], spec: &Spec, polling: Polling) -> Outcome {
     Outcome { run, trace, words, events: machine.events() }
 }
 
-fn specs() -> Vec<Spec> {
-    let mut specs = vec![Spec::ideal(), Spec::sb_pram()];
+fn specs() -> Vec<MachineSpec> {
+    let mut specs: Vec<_> = ["ideal", "sb-pram", "dash"].map(|name| MachineSpec::named(name).unwrap()).into();
     specs.iter_mut().for_each(|s| s.add_work("[work]\nstep = 1", "test").unwrap());
     specs
 }
@@ -124,8 +152,7 @@ proptest! {
         programs in prop::collection::vec(prop::collection::vec(a_step(), 0..14), 1..=16)
     ) {
         for spec in specs() {
-            let computed = simulate(&programs, &spec, Polling::ClosedForm);
-            let simulated = simulate(&programs, &spec, Polling::EveryPoll);
+            let [computed, simulated] = both(&programs, &spec);
             prop_assert_eq!(&computed.trace, &simulated.trace);
             prop_assert_eq!(&computed.words, &simulated.words);
             prop_assert_eq!(&computed.run, &simulated.run);
@@ -133,8 +160,8 @@ proptest! {
         }
     }
 
-    /// The same where all waits end: one processor sets every cell to every value, again and again, until the others are
-    /// through.
+    /// The same where all waits end: one processor sets every cell to every value, again and again, until the others
+    /// are through.
     #[test]
     fn computed_polls_are_the_simulated_ones_to_the_end(
         programs in prop::collection::vec(prop::collection::vec(a_step(), 1..14), 1..=15),
@@ -144,13 +171,13 @@ proptest! {
         for program in &mut programs {
             program.retain(|s| !matches!(s, Step::Barrier));
         }
-        // A wait for a condition that 0, 1, 2 and 3 in turn make true and false; each value stays for a whole turn of a scan.
+        // A wait for a condition that 0, 1, 2 and 3 in turn make true and false; each value stays for a whole turn of a
+        // scan.
         let turn = 6 * 5;
         let feed = |v: u64| (0..CELLS).map(move |c| Step::Store(c, v)).chain([Step::Charge(turn + pace)]);
         programs.push((0..4 * 15 * 14u64).flat_map(|i| feed(i % 4)).collect());
         for spec in specs() {
-            let computed = simulate(&programs, &spec, Polling::ClosedForm);
-            let simulated = simulate(&programs, &spec, Polling::EveryPoll);
+            let [computed, simulated] = both(&programs, &spec);
             prop_assert_eq!(&computed.trace, &simulated.trace);
             prop_assert_eq!(&computed.run, &simulated.run);
         }

@@ -6,11 +6,11 @@ use isolux_machine::protocols::{DistributedQueues, ParallelLoop, StealCounts, Te
 use isolux_machine::{
     Address, Cause, Condition, Home, Machine, Mark, Prefix, Processor, Run, RunError, Sequence, Wait, Work, WorkClass,
 };
-use isolux_simulator::{SimulatedProcessor, Simulator, Spec, SpecError};
+use isolux_simulator::{MachineSpec, SimulatedProcessor, Simulator, SpecError};
 
 const STEP: WorkClass = WorkClass(0);
 
-fn machine(mut spec: Spec, processors: usize) -> Simulator {
+fn machine(mut spec: MachineSpec, processors: usize) -> Simulator {
     spec.add_work("[work]\nstep = 1", "test").unwrap();
     Simulator::new(&spec, processors, &["step"]).unwrap().traced(true)
 }
@@ -42,7 +42,7 @@ fn loop_time(claim: u64, steps: u64, chunk: u64, processors: u64) -> u64 {
 /// Catches a unit too many or too few in multiprefix, charge or resumption, for any number of processors.
 #[test]
 fn a_parallel_loop_takes_its_closed_form() {
-    for (spec, claim) in [(Spec::ideal(), 1), (Spec::sb_pram(), 2)] {
+    for (spec, claim) in [(MachineSpec::named("ideal").unwrap(), 1), (MachineSpec::named("sb-pram").unwrap(), 2)] {
         for processors in [1, 2, 3, 16, 100] {
             for (n, chunk) in [(0, 1), (1, 1), (99, 1), (100, 1), (101, 1), (1000, 7), (1000, 10), (5, 8)] {
                 let mut machine = machine(spec.clone(), processors);
@@ -65,7 +65,7 @@ fn a_parallel_loop_takes_its_closed_form() {
 /// Catches loads that see stores of their own time, and multiprefixes or stores in another order than the contract's.
 #[test]
 fn effects_of_one_time_are_in_order() {
-    let mut machine = machine(Spec::ideal(), 6);
+    let mut machine = machine(MachineSpec::named("ideal").unwrap(), 6);
     let (a, b) = (word(&mut machine, "a"), word(&mut machine, "b"));
     machine.poke(a, 100);
     let run = machine
@@ -92,7 +92,7 @@ fn effects_of_one_time_are_in_order() {
 /// Catches locks that are not first come, first served, ties by number, and waits charged to the wrong cause.
 #[test]
 fn a_lock_serves_in_the_order_of_coming() {
-    let mut machine = machine(Spec::ideal(), 4);
+    let mut machine = machine(MachineSpec::named("ideal").unwrap(), 4);
     let lock = machine.allocate_locks(1);
     let order = word(&mut machine, "order");
     let run = machine
@@ -128,7 +128,7 @@ fn a_lock_serves_in_the_order_of_coming() {
 fn a_barrier_ends_for_all_at_once() {
     let figures = "name='b'\nprocessors_max=9\n[operation]\nload=1\nstore=1\nprefix=1\n[wait]\nspin=1\nscan=1\n\
         [lock]\ntake=1\ngive=1\n[barrier]\nbase=5\nper_processor=2\nper_level=100\n[work]\nstep=0.5";
-    let spec = Spec::from_toml(figures, "b.toml").unwrap();
+    let spec = MachineSpec::from_toml(figures, "b.toml").unwrap();
     let mut machine = Simulator::new(&spec, 3, &["step"]).unwrap();
     let barrier = machine.allocate_barriers(1);
     let run = machine
@@ -146,7 +146,7 @@ fn a_barrier_ends_for_all_at_once() {
 #[test]
 fn a_spin_ends_at_the_first_poll_that_sees() {
     for at in 1..20 {
-        let mut machine = machine(Spec::sb_pram(), 2);
+        let mut machine = machine(MachineSpec::named("sb-pram").unwrap(), 2);
         let flag = word(&mut machine, "flag");
         let run = machine
             .run(async |p: SimulatedProcessor| {
@@ -171,7 +171,7 @@ fn a_spin_ends_at_the_first_poll_that_sees() {
 fn a_scan_ends_at_the_first_poll_that_sees() {
     // Four cells around cell 1: 1, 2, 0, 3; then the one apart: five polls of 5 units to a turn.
     for (cell, position) in [(0, 2), (1, 0), (2, 1), (3, 3), (4, 4)] {
-        let mut machine = machine(Spec::sb_pram(), 2);
+        let mut machine = machine(MachineSpec::named("sb-pram").unwrap(), 2);
         let ring = machine.allocate("ring", 8, Home::RoundRobin).unwrap();
         let apart = word(&mut machine, "apart");
         let run = machine
@@ -194,7 +194,7 @@ fn a_scan_ends_at_the_first_poll_that_sees() {
 /// A fork and a join on the ideal machine: a chain of 3 steps, 2 branches of 5 and 7, and 2 steps behind both.
 #[test]
 fn a_small_graph_of_tasks_meets_its_schedule() {
-    let mut machine = machine(Spec::ideal(), 2);
+    let mut machine = machine(MachineSpec::named("ideal").unwrap(), 2);
     let (forked, joined) = (word(&mut machine, "forked"), word(&mut machine, "joined"));
     let run = machine
         .run(async |p: SimulatedProcessor| {
@@ -235,7 +235,7 @@ fn a_small_graph_of_tasks_meets_its_schedule() {
 #[test]
 fn a_thief_takes_the_oldest_and_pays_for_the_walk() {
     for length in 1..=6 {
-        let mut machine = machine(Spec::ideal(), 2);
+        let mut machine = machine(MachineSpec::named("ideal").unwrap(), 2);
         let queues = DistributedQueues::<1>::new(&mut machine, "queues", 6).unwrap();
         let barrier = machine.allocate_barriers(1);
         let run = machine
@@ -251,7 +251,8 @@ fn a_thief_takes_the_oldest_and_pays_for_the_walk() {
             })
             .unwrap();
         assert_eq!(run.values[1], Some([10]));
-        // Length, top, one load per entry, the task's word, free, length; the last, too, has an entry below to be looked for.
+        // Length, top, one load per entry, the task's word, free, length; the last, too, has an entry below to be
+        // looked for.
         assert_eq!(run.counts[1].loads, 2 + length + 3);
         // And to take and give the lock, and stores: above, the tail if one is left, free, its chain, length.
         assert_eq!(run.time[1].get(Cause::Steal), 2 + length + 3 + 2 + 4 + u64::from(length > 1));
@@ -261,7 +262,7 @@ fn a_thief_takes_the_oldest_and_pays_for_the_walk() {
 /// Catches waits that never end being simulated for ever.
 #[test]
 fn deadlocks_are_told() {
-    let mut machine = machine(Spec::sb_pram(), 3);
+    let mut machine = machine(MachineSpec::named("sb-pram").unwrap(), 3);
     let locks = machine.allocate_locks(2);
     let other = isolux_machine::LockId(locks.0 + 1);
     let flag = word(&mut machine, "flag");
@@ -286,7 +287,7 @@ fn deadlocks_are_told() {
 #[test]
 fn impossible_machines_are_refused_by_file_and_key() {
     let told = |e: Result<Simulator, SpecError>| e.err().unwrap().to_string();
-    let spec = Spec::sb_pram();
+    let spec = MachineSpec::named("sb-pram").unwrap();
     assert_eq!(told(Simulator::new(&spec, 1, &["ray"])), "sb_pram/spec.toml: work.ray is missing");
     assert_eq!(
         told(Simulator::new(&spec, 16_385, &[])),
@@ -298,7 +299,7 @@ fn tasks(processors: usize) -> (Run<u64>, Simulator, usize) {
     fn size<F: Fn(SimulatedProcessor) -> R, R>(_: &F) -> usize {
         size_of::<R>()
     }
-    let mut machine = machine(Spec::sb_pram(), processors);
+    let mut machine = machine(MachineSpec::named("sb-pram").unwrap(), processors);
     let queues = DistributedQueues::<2>::new(&mut machine, "queues", 8).unwrap();
     let tasks = 20_000;
     let open = Termination::new(&mut machine, "open", 1).unwrap();

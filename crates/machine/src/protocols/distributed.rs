@@ -1,4 +1,5 @@
-//! One lock-protected double-ended list of tasks per processor: the owner takes what came last, thieves take what came first.
+//! One lock-protected double-ended list of tasks per processor: the owner takes what came last, thieves take what came
+//! first.
 
 use super::{Full, Termination, key};
 use crate::machine::Machine;
@@ -177,8 +178,8 @@ impl<const W: usize> DistributedQueues<W> {
         task
     }
 
-    /// The next task: of the own queue, else of the nearest one that has any. Waits while there is none; `None` when all tasks
-    /// are finished. The time of the search goes to `Cause::Idle`.
+    /// The next task: of the own queue, else of the nearest one that has any. Waits while there is none; `None` when
+    /// all tasks are finished. The time of the search goes to `Cause::Idle`.
     pub async fn next<P: Processor>(&self, p: &P, open: &Termination, counts: &mut StealCounts) -> Option<[u64; W]> {
         let own = p.id();
         let stride = self.capacity * (1 + W as u64) + ENTRIES;

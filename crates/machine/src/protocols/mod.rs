@@ -1,5 +1,5 @@
-//! How processors share work: protocols made of machine operations alone, the same code on every machine. README.md, beside
-//! this file, says who may write what, and why each protocol delivers and ends.
+//! How processors share work: protocols made of machine operations alone, the same code on every machine. README.md,
+//! beside this file, says who may write what, and why each protocol delivers and ends.
 
 mod distributed;
 mod parallel_loop;

@@ -1,5 +1,5 @@
-//! One queue for all processors, without a lock: a circular array whose slots are given out by multiprefix, to those who put
-//! tasks in and to those who wait for them.
+//! One queue for all processors, without a lock: a circular array whose slots are given out by multiprefix, to those
+//! who put tasks in and to those who wait for them.
 
 use super::{Full, Termination, key};
 use crate::machine::Machine;
@@ -22,9 +22,9 @@ const ENDING: Mark = Mark::new(Cause::Queue, "end");
 
 /// The queue. A task is a record of `W` words, at most four. First in, first out, as the tickets are drawn.
 ///
-/// A phase runs from one barrier to the next: tasks are put in, every processor calls [`ParallelQueue::next`] until it gives
-/// `None`, and every task is finished by [`ParallelQueue::finish`]. Nothing has to be reset between two phases but the
-/// count of open tasks.
+/// A phase runs from one barrier to the next: tasks are put in, every processor calls [`ParallelQueue::next`] until it
+/// gives `None`, and every task is finished by [`ParallelQueue::finish`]. Nothing has to be reset between two phases
+/// but the count of open tasks.
 #[derive(Clone, Copy, Debug)]
 pub struct ParallelQueue<const W: usize> {
     region: Region,
@@ -40,8 +40,8 @@ struct Place {
 }
 
 impl<const W: usize> ParallelQueue<W> {
-    /// An empty queue for at most `slots` tasks; 0 counts as 1. With at least as many slots as processors the end of a phase
-    /// takes a number of steps that grows with the logarithm of the processors.
+    /// An empty queue for at most `slots` tasks; 0 counts as 1. With at least as many slots as processors the end of a
+    /// phase takes a number of steps that grows with the logarithm of the processors.
     ///
     /// # Errors
     ///
@@ -73,8 +73,8 @@ impl<const W: usize> ParallelQueue<W> {
         if space { Ok(()) } else { Err(Full(task)) }
     }
 
-    /// The next task. Waits for it at a slot of its own; `None`, once in a phase, when all tasks are finished, or when there
-    /// were none to begin with.
+    /// The next task. Waits for it at a slot of its own; `None`, once in a phase, when all tasks are finished, or when
+    /// there were none to begin with.
     pub async fn next<P: Processor>(&self, p: &P, open: &Termination) -> Option<[u64; W]> {
         let before = p.enter(DEQUEUE);
         // Set by nobody in a phase of this queue: the phase began with it or without.

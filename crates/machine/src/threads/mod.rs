@@ -1,5 +1,5 @@
-//! The machine of real threads: operations are done as they are polled. README.md, beside this file, says who may write what
-//! and why the orderings suffice.
+//! The machine of real threads: operations are done as they are polled. README.md, beside this file, says who may write
+//! what and why the orderings suffice.
 
 use std::cell::{Cell, RefCell};
 use std::future::{Future, pending};
@@ -200,7 +200,8 @@ impl Machine for Threads {
                 (0..shared.count).map(|id| scope.spawn(move || one(shared, program, id, begin))).collect();
             threads.into_iter().map(|thread| thread.join()).collect()
         });
-        let mut run = Run { values: vec![], clock: 0, unit: ClockUnit::Nanoseconds, time: vec![], counts: vec![] };
+        let (time, counts) = (vec![], vec![]);
+        let mut run = Run { values: vec![], clock: 0, unit: ClockUnit::Nanoseconds, time, counts, span: 0 };
         for outcome in outcomes {
             match outcome {
                 Err(panic) => resume_unwind(panic),

@@ -1,5 +1,5 @@
-//! Two slow models of the protocol, of sets and lists: `Infinite` knows only who holds a line and who has it dirty; `Finite`
-//! adds naive lists in order of use, one for each set, and the directory's memory of silently dropped lines.
+//! Two slow models of the protocol, of sets and lists: `Infinite` knows only who holds a line and who has it dirty;
+//! `Finite` adds naive lists in order of use, one for each set, and the directory's memory of silently dropped lines.
 
 use isolux_memory::{Cause, Kind, Level};
 use std::collections::{BTreeMap, BTreeSet};

@@ -20,7 +20,8 @@ impl Rank {
     /// Arrivals at barriers.
     pub(super) const BARRIER: Self = Self(5 << 61);
 
-    /// Multiprefixes: by opcode, then by cell, so that those of one group stand together. A machine's addresses have 34 bits.
+    /// Multiprefixes: by opcode, then by cell, so that those of one group stand together. A machine's addresses have 34
+    /// bits.
     pub(super) fn prefix(op: Prefix, at: Address) -> Self {
         Self(1 << 61 | (op as u64) << 59 | at.word())
     }

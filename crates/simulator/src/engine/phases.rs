@@ -1,14 +1,15 @@
-//! Which of many watchers looks at a cell at a time: watchers go in by the phase of their turns, those that look come out,
-//! without a pass over all.
+//! Which of many watchers looks at a cell at a time: watchers go in by the phase of their turns, those that look come
+//! out, without a pass over all.
 //!
-//! With `n` cells in the ring, `P` polls to a turn and `c` units to a poll, a watcher that began at `b` with cell `o` looks at
-//! cell `q` at these times, modulo `P c` (see `Sequence::turn`), where `f = (q - o) mod n`:
+//! With `n` cells in the ring, `P` polls to a turn and `c` units to a poll, a watcher that began at `b` with cell `o`
+//! looks at cell `q` at these times, modulo `P c` (see `Sequence::turn`), where `f = (q - o) mod n`:
 //!
 //! - forwards, `1 <= f <= n/2`: `b + c (2 f - 1)`, hence at `(b - 2 c o) + c (2 q - 1)`, plus `2 c n` if `q < o`;
 //! - backwards, else: `b + 2 c (n - f)`, or `b` where `f = 0`, hence at `(b + 2 c o) - 2 c q`, plus `2 c n` if `q > o`;
 //! - the one that stands apart: `b + c n`.
 //!
-//! So watchers are kept by each of the three terms that are their own, and the terms that fit a time and a cell are looked up.
+//! So watchers are kept by each of the three terms that are their own, and the terms that fit a time and a cell are
+//! looked up.
 
 use rustc_hash::FxHashMap;
 
@@ -88,7 +89,8 @@ mod tests {
     use super::super::watch::Until;
     use super::*;
 
-    /// Catches a watcher that is overlooked or made up: all cells, starts and times of small rings, against the sequence itself.
+    /// Catches a watcher that is overlooked or made up: all cells, starts and times of small rings, against the
+    /// sequence itself.
     #[test]
     fn phases_find_who_looks() {
         let region = Layout::default().allocate("cells", 64, Home::RoundRobin, 1).expect("fits");

@@ -1,4 +1,5 @@
-//! A processor as its program sees it: operations become futures that are ready once their effects have their place in time.
+//! A processor as its program sees it: operations become futures that are ready once their effects have their place in
+//! time.
 
 use std::cell::RefCell;
 use std::future::Future;
@@ -6,36 +7,45 @@ use std::pin::Pin;
 use std::rc::Rc;
 use std::task::{Context, Poll};
 
-use isolux_machine::{Address, BarrierId, Condition, LockId, Mark, Prefix, Processor, Sequence, Work};
+use isolux_machine::{
+    Address, BLOCK_WORDS, BarrierId, Condition, LockId, Mark, Note, Prefix, Processor, Region, Sequence, Work,
+};
 
+use super::memory::Memory;
 use super::state::{Op, State};
 use super::watch::Until;
 
-/// A processor of a [`crate::Simulator`].
-#[derive(Clone, Debug)]
-pub struct SimulatedProcessor {
+/// A processor of a [`SimulatorOf`](crate::SimulatorOf).
+#[derive(Debug)]
+pub struct ProcessorOf<M> {
     id: u32,
-    state: Rc<RefCell<State>>,
+    state: Rc<RefCell<State<M>>>,
 }
 
-impl SimulatedProcessor {
-    pub(super) fn new(id: u32, state: Rc<RefCell<State>>) -> Self {
+impl<M> Clone for ProcessorOf<M> {
+    fn clone(&self) -> Self {
+        Self { id: self.id, state: Rc::clone(&self.state) }
+    }
+}
+
+impl<M: Memory> ProcessorOf<M> {
+    pub(super) fn new(id: u32, state: Rc<RefCell<State<M>>>) -> Self {
         Self { id, state }
     }
 
-    fn operation<T>(&self, op: Op, outcome: fn(u64) -> T) -> Operation<'_, T> {
+    fn operation<T>(&self, op: Op, outcome: fn(u64) -> T) -> Operation<'_, M, T> {
         Operation { processor: self, op: Some(op), outcome }
     }
 }
 
 /// An operation on its way: issued when first polled, ready when its processor is resumed.
-struct Operation<'a, T> {
-    processor: &'a SimulatedProcessor,
+struct Operation<'a, M, T> {
+    processor: &'a ProcessorOf<M>,
     op: Option<Op>,
     outcome: fn(u64) -> T,
 }
 
-impl<T> Future for Operation<'_, T> {
+impl<M: Memory, T> Future for Operation<'_, M, T> {
     type Output = T;
 
     fn poll(mut self: Pin<&mut Self>, _: &mut Context<'_>) -> Poll<T> {
@@ -49,7 +59,32 @@ impl<T> Future for Operation<'_, T> {
     }
 }
 
-impl Processor for SimulatedProcessor {
+/// The store of a block on its way: its words are kept with the machine's state from the first poll on.
+struct BlockStore<'a, M, const N: usize> {
+    processor: &'a ProcessorOf<M>,
+    at: Address,
+    values: Option<[u64; N]>,
+}
+
+impl<M: Memory, const N: usize> Future for BlockStore<'_, M, N> {
+    type Output = ();
+
+    fn poll(mut self: Pin<&mut Self>, _: &mut Context<'_>) -> Poll<()> {
+        let (id, at) = (self.processor.id, self.at);
+        let mut state = self.processor.state.borrow_mut();
+        let outcome = match self.values.take() {
+            Some(_) if N == 0 => Some(0),
+            Some(values) => {
+                let block = state.blocks.keep(&values);
+                state.issue(id, Op::StoreBlock(at, N as u8, block))
+            }
+            None => state.outcome(id),
+        };
+        outcome.map_or(Poll::Pending, |_| Poll::Ready(()))
+    }
+}
+
+impl<M: Memory> Processor for ProcessorOf<M> {
     fn id(&self) -> usize {
         self.id as usize
     }
@@ -97,6 +132,41 @@ impl Processor for SimulatedProcessor {
     fn scan(&self, cells: Sequence, until: Condition) -> impl Future<Output = usize> {
         let until = Until { condition: until, holds: true };
         self.operation(Op::Wait { cells, until, spins: false }, |position| position as usize)
+    }
+
+    async fn load_block<const N: usize>(&self, at: Address) -> [u64; N] {
+        const { assert!(N <= BLOCK_WORDS, "a block has at most BLOCK_WORDS words") };
+        if N == 0 {
+            return [0; N];
+        }
+        let block = self.operation(Op::LoadBlock(at, N as u8), |block| block).await;
+        let words = self.state.borrow_mut().blocks.take(block as u32);
+        std::array::from_fn(|i| words[i])
+    }
+
+    fn store_block<const N: usize>(&self, at: Address, values: [u64; N]) -> impl Future<Output = ()> {
+        const { assert!(N <= BLOCK_WORDS, "a block has at most BLOCK_WORDS words") };
+        BlockStore { processor: self, at, values: Some(values) }
+    }
+
+    fn has_caches(&self) -> bool {
+        M::CACHES
+    }
+
+    async fn touch(&self, region: Region, words: u64, records: &[u32]) {
+        if !M::CACHES || words == 0 || records.is_empty() {
+            return;
+        }
+        // Nothing else happens between this processor's turn and its going on.
+        self.operation(Op::Turn, |_| ()).await;
+        let touched = self.state.borrow_mut().touch(self.id, region, words, records);
+        if !touched {
+            std::future::pending().await
+        }
+    }
+
+    fn note(&self, note: Note) {
+        self.state.borrow_mut().spans.note(self.id, note);
     }
 
     fn enter(&self, mark: Mark) -> Mark {

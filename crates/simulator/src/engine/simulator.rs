@@ -6,14 +6,14 @@ use std::rc::Rc;
 use std::task::{Context, Poll, Waker};
 
 use isolux_machine::{
-    Address, BarrierId, ClockUnit, Fault, Home, Layout, LockId, Machine, MemoryError, Region, Run, RunError,
-    check_request,
+    Address, BarrierId, Fault, Home, Layout, LockId, Machine, MemoryError, Region, Run, RunError, check_request,
 };
 
-use super::processor::SimulatedProcessor;
+use super::memory::Memory;
+use super::processor::ProcessorOf;
 use super::state::{Costs, State};
 use super::trace::Trace;
-use crate::spec::{Spec, SpecError};
+use crate::spec::{MachineSpec, SpecError};
 
 /// How waiting is simulated. Both give the same run, to the unit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,28 +24,28 @@ pub enum Polling {
     EveryPoll,
 }
 
-/// A simulated machine with uniform access to its words.
+/// A simulated machine with a memory of this kind.
 #[derive(Debug)]
-pub struct Simulator {
+pub struct SimulatorOf<M> {
     layout: Layout,
     count: usize,
     locks: u32,
     barriers: u32,
     traced: bool,
-    state: Rc<RefCell<State>>,
+    state: Rc<RefCell<State<M>>>,
 }
 
-impl Simulator {
+impl<M: Memory> SimulatorOf<M> {
     /// Bytes that a waiting processor takes, the state of its program (its future) not included.
-    pub const PARKED_BYTES: usize = State::PARKED_BYTES;
+    pub const PARKED_BYTES: usize = State::<M>::PARKED_BYTES;
 
     /// A machine of these figures with so many processors and these classes of work, each of which needs a figure.
     ///
     /// # Errors
     ///
     /// Names the file and the figure that is missing, or what is wrong with number or classes.
-    pub fn new(spec: &Spec, processors: usize, classes: &[&str]) -> Result<Self, SpecError> {
-        check_request(processors, spec.processors_max, classes)
+    pub fn new(spec: &MachineSpec, processors: usize, classes: &[&str]) -> Result<Self, SpecError> {
+        check_request(processors, spec.processors_max(), classes)
             .map_err(|source| SpecError::Machine { file: spec.file.clone(), source })?;
         let costs = Costs {
             load: spec.load,
@@ -58,7 +58,7 @@ impl Simulator {
             barrier: spec.barrier(processors),
             work: classes.iter().map(|class| spec.work(class)).collect::<Result<_, _>>()?,
         };
-        let state = Rc::new(RefCell::new(State::new(costs)));
+        let state = Rc::new(RefCell::new(State::new(costs, M::new(spec, processors)?)));
         Ok(Self { layout: Layout::default(), count: processors, locks: 0, barriers: 0, traced: false, state })
     }
 
@@ -81,23 +81,37 @@ impl Simulator {
         self.state.borrow_mut().trace.take()
     }
 
+    /// Asks the memory.
+    pub(crate) fn memory<T>(&self, ask: impl FnOnce(&M) -> T) -> T {
+        ask(&self.state.borrow().memory)
+    }
+
+    /// Changes the memory, between runs.
+    pub(crate) fn memory_mut<T>(&mut self, change: impl FnOnce(&mut M) -> T) -> T {
+        change(&mut self.state.borrow_mut().memory)
+    }
+
     /// How many effects and polls the last run simulated.
     pub fn events(&self) -> u64 {
         self.state.borrow().happened
     }
 }
 
-impl Machine for Simulator {
-    type Processor = SimulatedProcessor;
-    const ORDERED: bool = true;
+impl<M: Memory> Machine for SimulatorOf<M> {
+    type Processor = ProcessorOf<M>;
+    const ORDERED: bool = !M::CACHES;
 
     fn count(&self) -> usize {
         self.count
     }
 
     fn allocate(&mut self, name: &str, words: u64, home: Home) -> Result<Region, MemoryError> {
-        let region = self.layout.allocate(name, words, home, self.count)?;
-        self.state.borrow_mut().words.cover(&self.layout);
+        let mut layout = self.layout.clone();
+        let region = layout.allocate(name, words, home, self.count)?;
+        let mut state = self.state.borrow_mut();
+        state.memory.allocate(name, region, home)?;
+        state.words.cover(&layout);
+        self.layout = layout;
         Ok(region)
     }
 
@@ -106,8 +120,16 @@ impl Machine for Simulator {
     }
 
     fn allocate_locks(&mut self, count: u32) -> LockId {
+        let first = self.locks;
         self.locks += count;
-        LockId(self.locks - count)
+        let words = self.state.borrow().memory.lock_words();
+        if let Some(words) = words.filter(|_| count > 0) {
+            let region = self
+                .allocate(&format!("locks {first}"), u64::from(count) * words, Home::RoundRobin)
+                .unwrap_or_else(|e| panic!("locks need memory: {e}"));
+            self.state.borrow_mut().lock_words.extend((0..u64::from(count)).map(|lock| region.at(lock * words)));
+        }
+        LockId(first)
     }
 
     fn allocate_barriers(&mut self, count: u32) -> BarrierId {
@@ -130,7 +152,7 @@ impl Machine for Simulator {
         T: Send,
     {
         self.state.borrow_mut().begin(self.count, self.locks, self.barriers, self.traced);
-        let start = |id| Some(Box::pin(program(SimulatedProcessor::new(id as u32, Rc::clone(&self.state)))));
+        let start = |id| Some(Box::pin(program(ProcessorOf::new(id as u32, Rc::clone(&self.state)))));
         let mut futures: Vec<_> = (0..self.count).map(start).collect();
         let mut values: Vec<Option<T>> = (0..self.count).map(|_| None).collect();
         let mut context = Context::from_waker(Waker::noop());
@@ -159,8 +181,8 @@ impl Machine for Simulator {
         if let Some(error) = state.stuck() {
             return Err(error);
         }
-        let (clock, time, counts) = state.accounts();
+        let (clock, time, counts, span) = state.accounts();
         let values = values.into_iter().flatten().collect();
-        Run { values, clock, unit: ClockUnit::Instructions, time, counts }.check()
+        Run { values, clock, unit: M::UNIT, time, counts, span }.check()
     }
 }

@@ -1,14 +1,20 @@
-//! What a simulated machine is at a moment: words, locks, barriers, what each processor is at; operations go in as they are
-//! issued, and take effect in order.
+//! What a simulated machine is at a moment: words, locks, barriers, what each processor is at; operations go in as they
+//! are issued, and take effect in order.
 
 use std::cmp::Reverse;
 use std::collections::VecDeque;
 
 use isolux_machine::{
-    Address, BarrierId, ByCause, Cause, Counts, Fault, LockId, Mark, Prefix, RunError, Sequence, Wait, Words, Work,
+    Address, BLOCK_WORDS, BarrierId, ByCause, Cause, Counts, Fault, LockId, Mark, Prefix, Region, RunError, Sequence,
+    Wait, Words, Work,
 };
 
+use isolux_memory::Kind;
+
+use super::blocks::Blocks;
 use super::event::{Event, Rank, What};
+use super::memory::Memory;
+use super::spans::Spans;
 use super::time::Time;
 use super::trace::Trace;
 use super::watch::{Queue, Sight, Until, Watches};
@@ -33,6 +39,12 @@ pub(super) struct Costs {
 pub(super) enum Op {
     Load(Address),
     Store(Address, u64),
+    /// So many words from there on, into a block.
+    LoadBlock(Address, u8),
+    /// The same out of this block.
+    StoreBlock(Address, u8, u32),
+    /// Nothing yet: the processor goes on when its turn has come.
+    Turn,
     Prefix(Prefix, Address, u64),
     Unlock(LockId),
     Lock(LockId),
@@ -48,8 +60,8 @@ pub(super) enum Op {
 impl Op {
     fn rank(&self) -> Rank {
         match *self {
-            Self::Load(_) | Self::Wait { .. } => Rank::LOAD,
-            Self::Store(..) => Rank::STORE,
+            Self::Load(_) | Self::LoadBlock(..) | Self::Turn | Self::Wait { .. } => Rank::LOAD,
+            Self::Store(..) | Self::StoreBlock(..) => Rank::STORE,
             Self::Prefix(op, at, _) => Rank::prefix(op, at),
             Self::Unlock(_) => Rank::UNLOCK,
             Self::Lock(_) => Rank::LOCK,
@@ -89,10 +101,15 @@ struct Lock {
 }
 
 /// All of it.
-#[derive(Debug, Default)]
-pub(super) struct State {
-    pub(super) costs: Costs,
+#[derive(Debug)]
+pub(super) struct State<M> {
+    costs: Costs,
+    pub(super) memory: M,
+    /// The words of locks, where these are in memory.
+    pub(super) lock_words: Vec<Address>,
     pub(super) words: Words,
+    pub(super) blocks: Blocks,
+    pub(super) spans: Spans,
     pub(super) every_poll: bool,
     pub(super) trace: Option<Trace>,
     pub(super) error: Option<RunError>,
@@ -109,17 +126,39 @@ pub(super) struct State {
     polling: usize,
 }
 
+/// Either a group of its own, or four entries in lists of a group, once by place and three times by phase (less than 96
+/// bytes each).
+const AMONG_WATCHERS: usize = if Watches::GROUP_BYTES > 4 * 96 { Watches::GROUP_BYTES } else { 4 * 96 };
+
 const START: Mark = Mark::new(Cause::Work, "start");
 const ENDED: Mark = Mark::new(Cause::Idle, "ended");
 
-impl State {
-    /// Bytes that a processor takes here while it waits, its program's own state not included: its slot, two events, and its
-    /// entries among the watchers, once by place and three times by phase in lists of their own (less than 96 bytes each).
-    pub(super) const PARKED_BYTES: usize = size_of::<Slot>() + 2 * size_of::<Event>() + 4 * 96;
+impl<M: Memory> State<M> {
+    /// Bytes that a processor takes here while it waits, its program's own state not included: its slot, two events,
+    /// its place among the watchers, its chain.
+    pub(super) const PARKED_BYTES: usize = size_of::<Slot>() + 2 * size_of::<Event>() + AMONG_WATCHERS + Spans::BYTES;
 
     /// Without words, with these costs.
-    pub(super) fn new(costs: Costs) -> Self {
-        Self { costs, ..Self::default() }
+    pub(super) fn new(costs: Costs, memory: M) -> Self {
+        Self {
+            costs,
+            memory,
+            lock_words: vec![],
+            words: Words::default(),
+            blocks: Blocks::default(),
+            spans: Spans::default(),
+            every_poll: false,
+            trace: None,
+            error: None,
+            ready: VecDeque::new(),
+            happened: 0,
+            slots: vec![],
+            locks: vec![],
+            barriers: vec![],
+            queue: Queue::new(),
+            watches: Watches::default(),
+            polling: 0,
+        }
     }
 
     /// Before a run: all processors at the start; words as they are.
@@ -136,6 +175,8 @@ impl State {
         self.locks = vec![Lock::default(); locks as usize];
         self.barriers = vec![vec![]; barriers as usize];
         self.watches = Watches::new(processors);
+        self.spans = Spans::new(processors);
+        self.blocks.clear();
         self.trace = trace.then(|| Trace::new(processors));
         self.ready = (0..processors as u32).collect();
         self.queue.clear();
@@ -226,7 +267,8 @@ impl State {
         self.slots[processor as usize].status = Status::Ended;
     }
 
-    /// Whether a processor whose program does not go on waits for an operation of its own, or is about to be told its outcome.
+    /// Whether a processor whose program does not go on waits for an operation of its own, or is about to be told its
+    /// outcome.
     pub(super) fn waits(&self, processor: u32) -> bool {
         matches!(self.slots[processor as usize].status, Status::Issued(_) | Status::Has(_))
     }
@@ -246,8 +288,9 @@ impl State {
         })
     }
 
-    /// After a run: the clock, and each processor's accounts, with the time from its end to that of the run.
-    pub(super) fn accounts(&mut self) -> (u64, Vec<ByCause>, Vec<Counts>) {
+    /// After a run: the clock; each processor's accounts, with the time from its end to that of the run; the longest
+    /// chain.
+    pub(super) fn accounts(&mut self) -> (u64, Vec<ByCause>, Vec<Counts>, u64) {
         let clock = self.slots.iter().map(|s| s.now).max().unwrap_or_default();
         for (processor, slot) in self.slots.iter_mut().enumerate() {
             slot.time.add(Cause::Idle, clock.since(slot.now));
@@ -256,7 +299,7 @@ impl State {
             }
         }
         let time = self.slots.iter().map(|s| s.time).collect();
-        (clock.0, time, self.slots.iter().map(|s| s.counts).collect())
+        (clock.0, time, self.slots.iter().map(|s| s.counts).collect(), self.spans.longest())
     }
 
     pub(super) fn fail(&mut self, processor: u32, fault: Fault) -> Option<u64> {
@@ -276,6 +319,53 @@ impl State {
         }
         slot.time.add(cause, units);
         slot.now = until;
+        if cause == Cause::Work {
+            self.spans.work(processor, units);
+        }
+    }
+
+    /// An operation accesses a word that there is, and costs its units; what the access takes beyond is a stall.
+    fn access(&mut self, processor: u32, at: Address, kind: Kind, units: u64) {
+        self.cost(processor, units);
+        self.stall(processor, at, kind);
+    }
+
+    fn stall(&mut self, processor: u32, at: Address, kind: Kind) {
+        let beyond = self.memory.access(processor, at, kind);
+        if beyond > 0 {
+            self.spend(processor, Cause::Stall, beyond);
+        }
+    }
+
+    fn stalls(&mut self, processor: u32, at: Address, words: u64, kind: Kind) {
+        if M::CACHES {
+            (0..words).for_each(|i| self.stall(processor, at.plus(i), kind));
+        }
+    }
+
+    /// A processor takes or gives up a lock, whose word it writes.
+    fn access_lock(&mut self, processor: u32, lock: LockId, kind: Kind, units: u64) {
+        self.cost(processor, units);
+        if let Some(&at) = self.lock_words.get(lock.0 as usize) {
+            self.stall(processor, at, kind);
+        }
+    }
+
+    /// A processor, whose turn it is, reads records whole; `false` if there are none of the kind.
+    pub(super) fn touch(&mut self, processor: u32, region: Region, words: u64, records: &[u32]) -> bool {
+        let mut beyond = 0;
+        for &record in records {
+            let first = u64::from(record).saturating_mul(words);
+            if first.saturating_add(words) > region.words() {
+                self.fail(processor, Fault::Address(region.at(0).plus(first)));
+                return false;
+            }
+            beyond += self.memory.touch(processor, region.at(first), words);
+        }
+        if beyond > 0 {
+            self.spend(processor, Cause::Stall, beyond);
+        }
+        self.error.is_none()
     }
 
     /// An operation costs its units, which go to what the processor is at.
@@ -300,19 +390,46 @@ impl State {
             Op::Load(at) => {
                 let Some(word) = self.words.get(at) else { return self.fail(processor, Fault::Address(at)) };
                 self.counts(processor).loads += 1;
-                self.cost(processor, self.costs.load);
+                self.access(processor, at, Kind::Read, self.costs.load);
                 Some(word)
             }
             Op::Store(at, value) => {
                 self.write(now, processor, at, |_| value)?;
                 self.counts(processor).stores += 1;
-                self.cost(processor, self.costs.store);
+                self.access(processor, at, Kind::Write, self.costs.store);
+                Some(0)
+            }
+            Op::LoadBlock(at, words) => {
+                let words = u64::from(words);
+                if let Some(outside) = self.outside(at, words) {
+                    return self.fail(processor, outside);
+                }
+                let values: [u64; BLOCK_WORDS] = std::array::from_fn(|i| match i as u64 {
+                    i if i < words => self.words.get(at.plus(i)).unwrap_or(0),
+                    _ => 0,
+                });
+                self.counts(processor).loads += words;
+                self.cost(processor, words * self.costs.load);
+                self.stalls(processor, at, words, Kind::Read);
+                Some(u64::from(self.blocks.keep(&values)))
+            }
+            Op::StoreBlock(at, words, block) => {
+                let values = self.blocks.take(block);
+                if let Some(outside) = self.outside(at, u64::from(words)) {
+                    return self.fail(processor, outside);
+                }
+                for (i, &value) in (0..u64::from(words)).zip(&values) {
+                    self.write(now, processor, at.plus(i), |_| value)?;
+                }
+                self.counts(processor).stores += u64::from(words);
+                self.cost(processor, u64::from(words) * self.costs.store);
+                self.stalls(processor, at, u64::from(words), Kind::Write);
                 Some(0)
             }
             Op::Prefix(op, at, value) => {
                 let before = self.write(now, processor, at, |word| op.apply(word, value))?;
                 self.counts(processor).prefixes += 1;
-                self.cost(processor, self.costs.prefix);
+                self.access(processor, at, Kind::ReadModifyWrite, self.costs.prefix);
                 Some(before)
             }
             Op::Lock(lock) => {
@@ -328,7 +445,7 @@ impl State {
                     None => {
                         it.holder = Some(processor);
                         self.counts(processor).locks += 1;
-                        self.cost(processor, self.costs.take);
+                        self.access_lock(processor, lock, Kind::ReadModifyWrite, self.costs.take);
                         Some(0)
                     }
                 }
@@ -340,14 +457,17 @@ impl State {
                 if it.holder != Some(processor) {
                     return self.fail(processor, Fault::NotHeld(lock));
                 }
-                it.holder = it.queue.pop_front();
-                if let Some(next) = it.holder {
+                let next = it.queue.pop_front();
+                it.holder = next;
+                if let Some(next) = next {
                     self.spend_until(next, Cause::LockWait, now);
                     self.counts(next).locks += 1;
-                    self.cost(next, self.costs.take);
+                }
+                self.access_lock(processor, lock, Kind::Write, self.costs.give);
+                if let Some(next) = next {
+                    self.access_lock(next, lock, Kind::ReadModifyWrite, self.costs.take);
                     self.resume(next, 0);
                 }
-                self.cost(processor, self.costs.give);
                 Some(0)
             }
             Op::Barrier(barrier) => {
@@ -357,6 +477,7 @@ impl State {
                 };
                 here.push(processor);
                 if here.len() == count {
+                    self.spans.barrier();
                     for waiting in std::mem::take(here) {
                         self.spend_until(waiting, Cause::BarrierWait, now);
                         self.counts(waiting).barriers += 1;
@@ -366,8 +487,15 @@ impl State {
                 }
                 None
             }
+            Op::Turn => Some(0),
             Op::Wait { cells, until, spins } => self.poll(now, processor, cells, until, spins),
         }
+    }
+
+    /// Whether one of these words lies outside all regions.
+    fn outside(&self, at: Address, words: u64) -> Option<Fault> {
+        let last = at.plus(words - 1);
+        [at, last].into_iter().find(|&at| self.words.get(at).is_none()).map(Fault::Address)
     }
 
     /// Time passes until `now`.
@@ -402,6 +530,12 @@ impl State {
         if until.ends(word) {
             self.polling -= usize::from(polls > 0);
             return Some(self.end_wait(now, processor, Sight { position, polls, at }, spins));
+        }
+        let mut now = now;
+        if polls == 0 {
+            // The first poll brings a copy into the cache; the later ones, but for the last, look at that.
+            self.stall(processor, at, Kind::Read);
+            now = self.slots[processor as usize].now;
         }
         if !self.every_poll {
             self.watches.watch(processor, cells, until, cost, now, &self.words, &mut self.queue);
@@ -456,6 +590,7 @@ impl State {
         self.spend_until(processor, Cause::Idle, now);
         self.spend(processor, Cause::Idle, cost);
         self.slots[processor as usize].polls = 0;
+        self.stall(processor, sight.at, Kind::Read);
         self.counts(processor).polls += sight.polls + 1;
         if spins { self.words.get(sight.at).unwrap_or(0) } else { sight.position as u64 }
     }

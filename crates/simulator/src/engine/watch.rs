@@ -1,9 +1,9 @@
-//! Processors that wait for words: watchers and writes go in, the polls that find a cell fulfilled come out, as events. The polls
-//! that find nothing are computed, not simulated.
+//! Processors that wait for words: watchers and writes go in, the polls that find a cell fulfilled come out, as events.
+//! The polls that find nothing are computed, not simulated.
 //!
-//! A watcher that began at time `b` looks at cell number `k mod n` of its sequence at time `b + k c`, where `c` is the cost of a poll.
-//! Watchers of the same cells with the same condition form a group. A cell that fulfils the condition is *lit*. For each lit
-//! cell the next sights of it are in the event queue; if it goes dark first, they find nothing.
+//! A watcher that began at time `b` looks at cell number `k mod n` of its sequence at time `b + k c`, where `c` is the
+//! cost of a poll. Watchers of the same cells with the same condition form a group. A cell that fulfils the condition
+//! is *lit*. For each lit cell the next sights of it are in the event queue; if it goes dark first, they find nothing.
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap};
@@ -51,8 +51,8 @@ pub(super) struct Watcher {
 struct Lit {
     /// The last of them; none if nobody watches.
     last: Option<(Time, u32)>,
-    /// How many to compute next. Doubles, so that a cell that one watcher takes costs one event, and one that wakes all costs one
-    /// pass over the watchers for each doubling.
+    /// How many to compute next. Doubles, so that a cell that one watcher takes costs one event, and one that wakes all
+    /// costs one pass over the watchers for each doubling.
     batch: usize,
 }
 
@@ -116,8 +116,8 @@ impl Group {
         let kind = self.kind;
         candidates.clear();
         if let Some(phases) = &self.phases {
-            // Watchers of many cells look at one at times spread over a turn: the next sights are soon, and asking time after
-            // time finds them before a pass over all does. A time costs about as much as 8 watchers.
+            // Watchers of many cells look at one at times spread over a turn: the next sights are soon, and asking time
+            // after time finds them before a pass over all does. A time costs about as much as 8 watchers.
             let mut time = from;
             for _ in 0..=self.watchers.len() / 8 {
                 phases.sights_at(&kind, cell, time, candidates);
@@ -153,6 +153,13 @@ fn sight(time: Time, processor: u32, group: u32, cell: u32) -> Event {
 }
 
 impl Watches {
+    /// Bytes of a processor that waits at words that nobody else waits for: a group, which is found by its kind and by
+    /// its cell, with room for four watchers and one number; tables are up to twice as large as what is in them.
+    pub(super) const GROUP_BYTES: usize = size_of::<Group>()
+        + 4 * size_of::<Watcher>()
+        + 2 * (size_of::<(Kind, u32)>() + size_of::<(Address, Vec<u32>)>())
+        + 16;
+
     /// For a run of so many processors.
     pub(super) fn new(processors: usize) -> Self {
         Self { places: vec![None; processors], ..Self::default() }
@@ -246,8 +253,8 @@ impl Watches {
         seen
     }
 
-    /// What the processor sees if it polls at the event's time. That the event was announced for an earlier state of things
-    /// does not matter.
+    /// What the processor sees if it polls at the event's time. That the event was announced for an earlier state of
+    /// things does not matter.
     fn look(&self, event: Event) -> Option<Sight> {
         let (id, place) = self.places[event.processor as usize]?;
         let group = &self.groups[id as usize];
