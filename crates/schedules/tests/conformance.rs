@@ -10,15 +10,19 @@ use isolux_machine::{Machine, Sequential, Threads};
 use isolux_schedules::{
     CLASSES, COST_MODEL, Grain, Memory, Outcome, Problem, Remembered, Schedule, Sizes, Switches, run,
 };
-use isolux_simulator::{Simulator, Spec};
+use isolux_simulator::{CacheSimulator, MachineSpec, Simulator};
 
 const SIZES: Sizes =
     Sizes { elements: 1 << 16, links: 1 << 20, pieces: 1 << 14, nodes: 1 << 12, fragments: 1 << 12, tasks: 1 << 18 };
 
-fn simulator(spec: Spec, processors: usize) -> Simulator {
-    let mut spec = spec;
+fn spec(name: &str) -> MachineSpec {
+    let mut spec = MachineSpec::named(name).expect("a machine that comes along");
     spec.add_work(COST_MODEL, "cost_model.toml").expect("sound figures");
-    Simulator::new(&spec, processors, &CLASSES).expect("a machine")
+    spec
+}
+
+fn simulator(name: &str, processors: usize) -> Simulator {
+    Simulator::new(&spec(name), processors, &CLASSES).expect("a machine")
 }
 
 fn solve<M: Machine>(mut machine: M, problem: &Problem<'_>, memory: &Memory, schedule: Schedule) -> Outcome {
@@ -77,8 +81,12 @@ fn jacobi_is_the_same_everywhere() {
             &on("threads"),
         );
         for p in [1, 3, 16, 500] {
-            let machine = simulator(Spec::sb_pram(), p);
+            let machine = simulator("sb-pram", p);
             assert_same(&solve(machine, &problem, &memory, schedule), &expected, &on(&format!("SB-PRAM, {p}")));
+        }
+        for p in [1, 6] {
+            let machine = CacheSimulator::new(&spec("dash"), p, &CLASSES).expect("a machine");
+            assert_same(&solve(machine, &problem, &memory, schedule), &expected, &on(&format!("DASH, {p}")));
         }
     }
 }
