@@ -94,8 +94,8 @@ impl<P: Processor, K: Pairs> Worker<'_, P, K> {
         if words[5] == store::DEAD {
             return;
         }
-        for end in 0..1 + usize::from(pairs) {
-            let receiver = words[end] as u32;
+        for (end, &receiver) in words[..1 + usize::from(pairs)].iter().enumerate() {
+            let receiver = receiver as u32;
             let place = self.p.prefix(Prefix::Add, flat.row(receiver, FRESH), 1).await;
             self.p.store(flat.fresh(at, FRESH_JOIN + end as u64), place).await;
             self.note_change(flat, receiver).await;
