@@ -27,7 +27,12 @@ def test_qualities_are_errors(name, error):
 
 @pytest.mark.parametrize(
     ("order", "seed", "written"),
-    [("as-given", 0, "as-given"), ("random", 7, {"random": 7}), ("random:5", 7, {"random": 5})],
+    [
+        ("as-given", 0, "as-given"),
+        ("fewest-cuts", 7, "fewest-cuts"),
+        ("random", 7, {"random": 7}),
+        ("random:5", 7, {"random": 5}),
+    ],
 )
 def test_orders_survive_writing(order, seed, written):
     """Catches a seed of the insertion order that is lost."""

@@ -7,18 +7,18 @@ use isolux_machine::{Work, WorkClass};
 /// The names of all classes, in the order of their numbers.
 pub const CLASSES: [&str; 16] = [
     "form_factor",
-    "form_factor_term",
     "visibility",
     "ray",
     "node_visit",
     "fragment_test",
     "oracle",
     "gather",
+    "order",
+    "insert",
     "cut",
     "split",
     "settle",
     "pull",
-    "order",
     "queue",
     "cull",
     "interpolate",
@@ -28,37 +28,37 @@ pub const CLASSES: [&str; 16] = [
 pub const COST_MODEL: &str = include_str!("cost_model.toml");
 
 /// A decision about one link.
-pub(crate) const ORACLE: WorkClass = WorkClass(6);
+pub(crate) const ORACLE: WorkClass = WorkClass(5);
 /// One link's term of a sum of light.
-pub(crate) const GATHER: WorkClass = WorkClass(7);
+pub(crate) const GATHER: WorkClass = WorkClass(6);
+/// A link that finds its place in the order of a list: of n links, each counts [`sorting_depth`] times.
+pub(crate) const ORDER: WorkClass = WorkClass(7);
+/// A polygon that is to be inserted in the tree.
+pub(crate) const INSERT: WorkClass = WorkClass(8);
 /// A piece was compared with a plane.
-pub(crate) const CUT: WorkClass = WorkClass(8);
+pub(crate) const CUT: WorkClass = WorkClass(9);
 /// A piece was cut in two.
-pub(crate) const SPLIT: WorkClass = WorkClass(9);
+pub(crate) const SPLIT: WorkClass = WorkClass(10);
 /// A leaf got its radiosity.
-pub(crate) const SETTLE: WorkClass = WorkClass(10);
+pub(crate) const SETTLE: WorkClass = WorkClass(11);
 /// A parent got the means of its children.
-pub(crate) const PULL: WorkClass = WorkClass(11);
-/// A link found its place in the order of a list.
-pub(crate) const ORDER: WorkClass = WorkClass(12);
-/// A task was put into a queue, or taken out.
+pub(crate) const PULL: WorkClass = WorkClass(12);
+/// Half of a task's way through a queue: it was put in, or taken out.
 pub(crate) const QUEUE: WorkClass = WorkClass(13);
 /// Two polygons were asked whether they face each other.
 pub(crate) const CULL: WorkClass = WorkClass(14);
 /// A leaf around a vertex was found and added.
 pub(crate) const INTERPOLATE: WorkClass = WorkClass(15);
 
+/// Comparisons of one link among `n`, as the class `order` counts them.
+pub(crate) fn sorting_depth(n: u64) -> u64 {
+    u64::from(n.max(1).next_power_of_two().trailing_zeros()).saturating_sub(1).max(1)
+}
+
 /// What a kernel counted, by class.
 pub(crate) fn of_kernel(counts: &Counts) -> Work {
     let mut work = Work::default();
-    let by_class = [
-        counts.form_factors,
-        counts.form_factor_terms,
-        counts.visibilities,
-        counts.rays,
-        counts.node_visits,
-        counts.fragment_tests,
-    ];
+    let by_class = [counts.form_factors, counts.visibilities, counts.rays, counts.node_visits, counts.fragment_tests];
     for (class, count) in by_class.into_iter().enumerate() {
         work.add(&Work::of(WorkClass(class), count));
     }

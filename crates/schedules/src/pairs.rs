@@ -222,8 +222,7 @@ impl Probe for Recorder {
 impl Pairs for Remembered<'_> {
     fn exchange_area(&self, a: &Place, b: &Place) -> (f64, Work) {
         let key = key(a, b);
-        // Four points to four disks, whatever the pair.
-        let counts = Counts { form_factors: 1, form_factor_terms: 16, ..Counts::default() };
+        let counts = Counts { form_factors: 1, ..Counts::default() };
         let work = cost::of_kernel(&counts);
         if let Some(&exchange) = self.memory.shard(key).exchange.get(&key) {
             return (exchange, work);

@@ -31,7 +31,8 @@ impl<P: Processor, K: Pairs> Worker<'_, P, K> {
         };
         if !links.is_sorted_by_key(|entry| entry.path) {
             links.sort_unstable_by_key(|entry| entry.path);
-            self.charge(cost::ORDER, links.len() as u64).await;
+            let count = links.len() as u64;
+            self.charge(cost::ORDER, count * cost::sorting_depth(count)).await;
             let begin = self.chain(&mut links, 0).await;
             p.store(head, begin).await;
         }

@@ -1,6 +1,7 @@
 //! Phase 1': the polygons of a node are split in two lists, and each goes on by itself. The same tree as by insertion: a
 //! node's plane is that of the first polygon that comes to it, and lists keep the order.
 
+use crate::cost;
 use crate::pairs::Pairs;
 use crate::store::{self, Counter};
 use crate::task::Task;
@@ -25,6 +26,7 @@ impl<P: Processor, K: Pairs> Worker<'_, P, K> {
         let mut at = self.p.id();
         while at < order.len() {
             let corners = self.cx.problem.scene.polygons[order[at] as usize].corners;
+            self.charge(cost::INSERT, 1).await;
             let next = if at + 1 < order.len() { at as u64 + 2 } else { 0 };
             self.write_piece(at as u32, order[at], &corners, next).await;
             at += self.p.count();

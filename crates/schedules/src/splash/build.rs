@@ -42,6 +42,7 @@ impl<P: Processor, K: Pairs> Worker<'_, P, K> {
     /// Sends a polygon down the tree; gives the roots that its pieces are.
     async fn insert_in_tree(&self, polygon: u32) -> Vec<u32> {
         let problem = self.cx.problem;
+        self.charge(cost::INSERT, 1).await;
         let mut roots = Vec::new();
         let mut open = vec![(None, problem.scene.polygons[polygon as usize].corners)];
         while let Some((from, piece)) = open.pop() {

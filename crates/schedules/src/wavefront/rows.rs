@@ -159,7 +159,7 @@ impl<P: Processor, K: Pairs> Worker<'_, P, K> {
             entries.push(self.p.load_block(flat.unsorted(at)).await);
         }
         entries.sort_unstable_by_key(|entry| entry[1]);
-        self.charge(cost::ORDER, many).await;
+        self.charge(cost::ORDER, many * cost::sorting_depth(many)).await;
         entries
     }
 

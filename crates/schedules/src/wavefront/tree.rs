@@ -20,6 +20,7 @@ impl<P: Processor, K: Pairs> Worker<'_, P, K> {
         let order = &self.cx.problem.order;
         self.each(order.len() as u64, 1, async |at| {
             let corners = self.cx.problem.scene.polygons[order[at as usize] as usize].corners;
+            self.charge(cost::INSERT, 1).await;
             self.place_piece(flat, at as u32, at as u32, &corners, 0).await;
         })
         .await;
