@@ -72,7 +72,8 @@ impl Queue {
 mod tests {
     use super::*;
 
-    /// Catches a twin that is no queue: tasks come back last in, first out, a full one says so, and slots are used again.
+    /// Catches a twin that is no queue: tasks come back last in, first out, a full one says so, and slots are used
+    /// again.
     #[test]
     fn tasks_come_back() {
         let mut queue = Queue::new(3);

@@ -75,7 +75,8 @@ fn settled_light_is_what_the_links_say() {
 }
 
 /// Catches roots that are named by the order of arrival: a tree whose fragments came to rest in another order, as in a
-/// tree built in parallel, has the same roots, elements and light; and backs whose pieces are not those of their fronts.
+/// tree built in parallel, has the same roots, elements and light; and backs whose pieces are not those of their
+/// fronts.
 #[test]
 fn fragments_are_named_by_place() {
     let mut input = empty();

@@ -797,8 +797,8 @@ fn sights_by_single_rays_are_the_same() {
     assert!(kinds.iter().all(|&count| count > 300), "{kinds:?}");
 }
 
-/// Catches an insertion that tells of fewer or more cuts than it makes: every fragment but the first of each polygon comes
-/// of a split (of which one may leave three pieces), and each piece is held against at least one plane.
+/// Catches an insertion that tells of fewer or more cuts than it makes: every fragment but the first of each polygon
+/// comes of a split (of which one may leave three pieces), and each piece is held against at least one plane.
 #[test]
 fn insertions_tell_what_they_cut() {
     let square = |low: f64, high: f64| vec![v(low, low, 0.5), v(high, low, 0.5), v(high, high, 0.5), v(low, high, 0.5)];
@@ -813,12 +813,14 @@ fn insertions_tell_what_they_cut() {
             (counts.cuts, counts.splits)
         })
         .collect();
-    // The wall is the root; the first square lies on one side; the second is cut, and its one half meets the first square.
+    // The wall is the root; the first square lies on one side; the second is cut, and its one half meets the first
+    // square.
     assert_eq!(told, [(0, 0), (1, 0), (2, 1)]);
 }
 
-/// Catches an order that leaves polygons out or names some twice, and a tree that cuts what it need not: of two crossing
-/// walls and a row of squares on one side of both, only the walls cut each other, whatever the order in the file.
+/// Catches an order that leaves polygons out or names some twice, and a tree that cuts what it need not: of two
+/// crossing walls and a row of squares on one side of both, only the walls cut each other, whatever the order in the
+/// file.
 #[test]
 fn fewest_cuts_leaves_the_squares_whole() {
     let wall = |turned: bool| {

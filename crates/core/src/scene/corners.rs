@@ -54,7 +54,8 @@ impl Corners {
         0.5 * self.area_vector().length()
     }
 
-    /// An order of outlines that rests on coordinates alone: by x, y and z of the corners in turn, then by their number.
+    /// An order of outlines that rests on coordinates alone: by x, y and z of the corners in turn, then by their
+    /// number.
     #[must_use]
     pub fn total_cmp(&self, other: &Corners) -> Ordering {
         let by_corner = |(p, q): (&DVec3, &DVec3)| {

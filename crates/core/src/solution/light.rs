@@ -129,7 +129,8 @@ impl Light {
         }
     }
 
-    /// Sum of open area times radiosity over the roots, W or lm: all that leaves; by [`tree_sum`] over the roots in order.
+    /// Sum of open area times radiosity over the roots, W or lm: all that leaves; by [`tree_sum`] over the roots in
+    /// order.
     #[must_use]
     pub fn total(&self, elements: &Elements) -> Rgb {
         let roots = (0..elements.roots() as u32).map(ElementId);

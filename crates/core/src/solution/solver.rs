@@ -111,8 +111,8 @@ pub struct Solver<'a, P> {
 }
 
 impl<'a, P: Probe + Default> Solver<'a, P> {
-    /// Roots without links, lit by their own emission only. Fronts and backs that emit take part; other backs sleep until
-    /// light can reach them.
+    /// Roots without links, lit by their own emission only. Fronts and backs that emit take part; other backs sleep
+    /// until light can reach them.
     #[must_use]
     pub fn new(scene: &'a Scene, bsp: &'a Bsp, parameters: Parameters) -> Solver<'a, P> {
         let active = scene.polygons.iter().map(|polygon| polygon.side == Side::Front || polygon.emission != Rgb::ZERO);
@@ -120,8 +120,8 @@ impl<'a, P: Probe + Default> Solver<'a, P> {
         Solver { backs_sleep: true, ..Solver::with_active(scene, bsp, parameters, active) }
     }
 
-    /// As [`Solver::new`], with a fixed set of polygons: those that `active` says (none beyond its end) take part, and are
-    /// linked from the start; the others have roots, and never a link.
+    /// As [`Solver::new`], with a fixed set of polygons: those that `active` says (none beyond its end) take part, and
+    /// are linked from the start; the others have roots, and never a link.
     #[must_use]
     pub fn with_active(scene: &'a Scene, bsp: &'a Bsp, parameters: Parameters, mut active: Vec<bool>) -> Solver<'a, P> {
         active.resize(scene.polygons.len(), false);
@@ -364,8 +364,8 @@ impl<'a, P: Probe + Default> Solver<'a, P> {
         Flow::Continue
     }
 
-    /// `arriving`, and what the element's own links bring: `sum F V B` (by [`gather_sum`]), which lands on its open part
-    /// alone.
+    /// `arriving`, and what the element's own links bring: `sum F V B` (by [`gather_sum`]), which lands on its open
+    /// part alone.
     fn gather(&mut self, id: ElementId, arriving: Arriving) -> Arriving {
         let list = self.hierarchy.links.of(id);
         self.forecast.gathered(list.len());

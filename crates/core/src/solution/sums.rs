@@ -25,7 +25,8 @@ pub fn tree_sum<T: Copy + Add<Output = T>>(values: &[T], zero: T) -> T {
     }
 }
 
-/// Sum of the terms of a gather: chunks of [`GATHER_CHUNK`], each in order from `zero`, then their sums by [`tree_sum`].
+/// Sum of the terms of a gather: chunks of [`GATHER_CHUNK`], each in order from `zero`, then their sums by
+/// [`tree_sum`].
 pub fn gather_sum<T: Copy + Add<Output = T>>(terms: impl IntoIterator<Item = T>, zero: T) -> T {
     let mut chunks = Vec::new();
     let (mut sum, mut count) = (zero, 0);

@@ -1,5 +1,5 @@
-//! Arithmetic of single elements: what arrives, or what the children have, goes in; radiosity, irradiance and open share
-//! come out. Pure functions, so that whoever orders the work computes the same bits.
+//! Arithmetic of single elements: what arrives, or what the children have, goes in; radiosity, irradiance and open
+//! share come out. Pure functions, so that whoever orders the work computes the same bits.
 
 use crate::units::Rgb;
 use std::ops::{Add, Mul, Sub};
@@ -35,8 +35,8 @@ pub fn area_weights(areas: [f64; 4], parent: f64) -> [f64; 4] {
     areas.map(|child| child / parent)
 }
 
-/// `x_0 + sum_k (x_k - x_0) w_k` over four children, k = 0 included: their mean by weights that add up to 1, and exactly
-/// their value where they are equal.
+/// `x_0 + sum_k (x_k - x_0) w_k` over four children, k = 0 included: their mean by weights that add up to 1, and
+/// exactly their value where they are equal.
 #[must_use]
 pub fn mean_of_children<T>(values: [T; 4], weights: [f64; 4]) -> T
 where
@@ -46,8 +46,8 @@ where
     values.into_iter().zip(weights).fold(base, |sum, (value, weight)| sum + (value - base) * weight)
 }
 
-/// Light on an element from its four children's, of `areas` in m², and its own area `parent`: irradiance and open share by
-/// area (D17), radiosity by open area. Where all open shares are 1, radiosity and irradiance are the
+/// Light on an element from its four children's, of `areas` in m², and its own area `parent`: irradiance and open share
+/// by area (D17), radiosity by open area. Where all open shares are 1, radiosity and irradiance are the
 /// [`mean_of_children`] by [`area_weights`], bit for bit.
 #[must_use]
 pub fn pulled(children: [Values; 4], areas: [f64; 4], parent: f64) -> Values {
@@ -88,7 +88,8 @@ mod tests {
         assert_eq!((leaf.radiosity, leaf.irradiance), (reflected(emission, reflectance, arriving), arriving));
     }
 
-    /// Catches means weighted by the wrong area, equal children whose parent differs from them, and light where nothing is open.
+    /// Catches means weighted by the wrong area, equal children whose parent differs from them, and light where nothing
+    /// is open.
     #[test]
     fn covered_parts_weigh_nothing_in_radiosity() {
         let areas = [0.25; 4];

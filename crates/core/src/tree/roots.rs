@@ -16,8 +16,8 @@ pub struct FragmentRoot {
 }
 
 /// The fragments of a tree as roots, in canonical order: by polygon, and those of one polygon by their corners
-/// ([`Corners::total_cmp`]). The pieces of a back are those of its front, reversed, in the same order. So two trees with
-/// the same fragments name them alike, in whatever order these came to rest.
+/// ([`Corners::total_cmp`]). The pieces of a back are those of its front, reversed, in the same order. So two trees
+/// with the same fragments name them alike, in whatever order these came to rest.
 #[must_use]
 pub fn fragment_roots(scene: &Scene, bsp: &Bsp) -> Vec<FragmentRoot> {
     let mut fragments_of = vec![Vec::new(); scene.fronts];

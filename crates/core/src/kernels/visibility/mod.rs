@@ -407,8 +407,8 @@ pub fn visibility_ray_by_ray<P: Probe>(
     })
 }
 
-/// As [`sight`] without a hint, bit for bit, told to `probe` as rays that walk the tree one by one: proven or not, every
-/// ray walks until something opaque stops it, as in [`visibility_ray_by_ray`].
+/// As [`sight`] without a hint, bit for bit, told to `probe` as rays that walk the tree one by one: proven or not,
+/// every ray walks until something opaque stops it, as in [`visibility_ray_by_ray`].
 pub fn sight_ray_by_ray<P: Probe>(
     bsp: &Bsp,
     scene: &Scene,

@@ -112,8 +112,8 @@ impl Bsp {
         bsp
     }
 
-    /// As [`Bsp::build`], telling `counts` what was cut; `go_on` hears from time to time how many pieces were looked at since
-    /// it was asked last, and which share of the polygons is inserted. `None` when it says no.
+    /// As [`Bsp::build`], telling `counts` what was cut; `go_on` hears from time to time how many pieces were looked at
+    /// since it was asked last, and which share of the polygons is inserted. `None` when it says no.
     pub fn build_while(
         scene: &Scene,
         order: InsertionOrder,

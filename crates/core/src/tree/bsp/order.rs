@@ -16,9 +16,9 @@ pub enum InsertionOrder {
     /// By area, the largest first; equal areas in file order.
     LargestFirst,
     /// The order that a greedy autopartition gives: at each node the piece is chosen whose plane cuts the fewest of the
-    /// others there (of equals that with the larger area, then the first in the file), the others are split by it, and what
-    /// is in front and behind goes on alike. A polygon takes its place when the first of its pieces is chosen, or lies in the
-    /// plane of the chosen one.
+    /// others there (of equals that with the larger area, then the first in the file), the others are split by it, and
+    /// what is in front and behind goes on alike. A polygon takes its place when the first of its pieces is chosen, or
+    /// lies in the plane of the chosen one.
     ///
     /// After Fuchs, Kedem, Naylor 1980, "On visible surface generation by a priori tree structures", who choose the
     /// polygon that splits the fewest of the others.
@@ -38,8 +38,8 @@ impl InsertionOrder {
         self.sequence_while(scene, &mut |_| true).unwrap_or_default()
     }
 
-    /// As [`InsertionOrder::sequence`]; where this takes work, `go_on` hears for each node how many pieces were looked at.
-    /// `None` when it says no.
+    /// As [`InsertionOrder::sequence`]; where this takes work, `go_on` hears for each node how many pieces were looked
+    /// at. `None` when it says no.
     pub(super) fn sequence_while(self, scene: &Scene, go_on: &mut dyn FnMut(u64) -> bool) -> Option<Vec<u32>> {
         let mut sequence: Vec<u32> = (0..scene.fronts as u32).collect();
         match self {
