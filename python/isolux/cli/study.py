@@ -5,7 +5,7 @@ from __future__ import annotations
 import json as json_format
 from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
@@ -18,8 +18,8 @@ from isolux.study import report, size, sweep
 from isolux.study.claims import claims
 from isolux.study.data import Data
 from isolux.study.engine import engine
-from isolux.study.plan import FigureNumber, Machine, Wish
-from isolux.study.runs import SCHEDULES, Result, Run, Schedule
+from isolux.study.plan import FIGURES, Machine, Wish
+from isolux.study.runs import SCHEDULES, Result, Run
 from isolux.study.store import Store
 
 if TYPE_CHECKING:
@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from isolux.scene import Scene
 
 __all__ = ["study"]
+
+Word = TypeVar("Word", bound=str)
 
 CANCELLED = 130
 #: The order of insertion of all curves, sorted beforehand as in the paper.
@@ -44,8 +46,8 @@ def study(
     ] = Path("report"),
     quick: Annotated[bool, typer.Option("--quick", help="A minute's version: coarser, fewer runs.")] = False,
     figure: Annotated[
-        list[FigureNumber] | None,
-        typer.Option(help="Only what this figure of the paper needs; may be repeated."),
+        list[str] | None,
+        typer.Option(metavar="5|6|7", help="Only what this figure of the paper needs; may be repeated."),
     ] = None,
     machine: Annotated[
         list[str] | None,
@@ -55,7 +57,8 @@ def study(
         ),
     ] = None,
     schedule: Annotated[
-        list[Schedule] | None, typer.Option(help="Only this schedule; may be repeated.")
+        list[str] | None,
+        typer.Option(metavar="splash|sbpram|wavefront", help="Only this schedule; may be repeated."),
     ] = None,
     processors: Annotated[
         str | None,
@@ -90,6 +93,8 @@ def study(
     """
     report.check_matplotlib()
     counts = _processors(processors)
+    schedules = _chosen("--schedule", schedule, SCHEDULES) or SCHEDULES
+    figures = _chosen("--figure", figure, FIGURES)
     if orders is not None and not 1 <= orders <= _MOST_ORDERS:
         raise typer.BadParameter(f"{orders} is not from 1 to {_MOST_ORDERS:,}", param_hint="--orders")
     machines = _machines(machine or [])
@@ -98,9 +103,9 @@ def study(
         wish = Wish(
             level=size.of_scene(is_room, quick),
             machines=machines,
-            schedules=tuple(name for name in SCHEDULES if name in (schedule or SCHEDULES)),
+            schedules=schedules,
             processors=counts,
-            figures=tuple(figure or ()),
+            figures=figures,
         )
         runs = plans.plan(wish)
         store = Store(
@@ -217,6 +222,14 @@ def _machines(further: list[str]) -> dict[str, Machine]:
             )
         machines.setdefault(found.name, found)
     return machines
+
+
+def _chosen(option: str, given: list[str] | None, known: tuple[Word, ...]) -> tuple[Word, ...]:
+    """What was chosen of a few words, in their order."""
+    for word in given or ():
+        if word not in known:
+            raise typer.BadParameter(f"'{word}' is not one of {', '.join(known)}", param_hint=option)
+    return tuple(word for word in known if word in (given or ()))
 
 
 def _processors(text: str | None) -> tuple[int, ...] | None:

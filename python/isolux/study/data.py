@@ -68,7 +68,7 @@ class Curve:
         return self.speedup(processors, phase, without) / processors
 
     def limit(self, processors: int, without: str | None = None) -> float:
-        """The speedup that the run's own task graphs allow: in no phase less than work/p, nor than the span."""
+        """The speedup that the run's own graphs allow: no phase takes less than work/p, nor than its span."""
         least = self.results[processors].least_time(without)
         return self.time(1, None, without) / least if least else float("nan")
 
@@ -132,7 +132,7 @@ class Data:
     lines: dict[str, int]
 
     def curves(self) -> list[Curve]:
-        """All curves, in a stable order; those without a run on one processor have no speedup and are left out."""
+        """All curves, in a stable order; without a run on one processor there is no speedup, and no curve."""
         found: dict[tuple[str, Schedule, str, Update, str], dict[int, Result]] = {}
         for run in sorted(self.results, key=_rank):
             if not run.trace:
@@ -157,7 +157,7 @@ class Data:
         return None
 
     def headline_curves(self, machine: str = SB_PRAM) -> list[Curve]:
-        """The curves that are compared on a machine: each schedule as it is, and `splash` at its finest grain."""
+        """The curves compared on a machine: each schedule as it is, and `splash` at its finest grain."""
         wanted: list[tuple[Schedule, str]] = [("splash", "default"), ("splash", "finest")]
         wanted += [("sbpram", "default"), ("wavefront", "default")]
         found = (self.curve(machine, schedule, variant) for schedule, variant in wanted)

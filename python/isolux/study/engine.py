@@ -56,7 +56,7 @@ def orders(
     seeds: list[int],
     coarse: dict[str, Any] | None,
 ) -> list[dict[str, Any]]:
-    """Count insertion orders: the named ones, and random ones by seed; with `coarse` settings, all their work."""
+    """Count insertion orders, named and random by seed; with `coarse` settings, all of their work."""
     request = json.dumps({"orders": names, "seeds": seeds, "coarse": coarse})
     counted: list[dict[str, Any]] = json.loads(engine().study_orders(scene, request))
     # Whatever else the extension counts on the way is not what was asked for.

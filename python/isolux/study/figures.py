@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator, PercentFormatter
+from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from isolux.study import paper
 from isolux.study.claims import bsp_curves, bsp_phase
@@ -27,7 +27,7 @@ from isolux.study.palette import (
     label_group,
 )
 from isolux.study.plan import ABLATION_PROCESSORS, DASH, SB_PRAM
-from isolux.study.runs import MISS_KINDS, SWITCHES
+from isolux.study.runs import MISS_KINDS, PAPERS, SCHEDULES, SWITCHES
 from isolux.study.size import SIZES
 from isolux.study.traces import flat, phase_spans
 from isolux.study.words import ablation_rows
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from isolux.study.data import Curve, Data
-    from isolux.study.runs import Result
+    from isolux.study.runs import Result, Update
 
 __all__ = [
     "ablation",
@@ -81,8 +81,12 @@ _STYLE: dict[str, Any] = {
     # Equal data give equal bytes.
     "svg.hashsalt": "isolux",
 }
+#: Updates and their lines.
+UPDATES: tuple[tuple[Update, str], ...] = (("in-place", "-"), ("jacobi", "--"))
 #: Columns of a Gantt chart of a whole run, and rows of a processor in it.
 _COLUMNS, _ROWS = 1200, 48
+#: Phases that take less of the run than this have no room for their name.
+_NAMED = 0.12
 #: Slices of the busiest processor that a zoom shows.
 _ZOOM_SLICES = 40
 
@@ -113,8 +117,8 @@ def gantt(result: Result) -> Figure:
         (processor, start, end, label_group(cause, label))
         for processor, start, end, cause, label in flat(result.trace)
     ]
-    figure = _figure(4.4)
-    whole, zoom = figure.subplots(2, 1, gridspec_kw={"hspace": 0.3})
+    figure = _figure(4.2)
+    whole, zoom = figure.subplots(2, 1)
     end = max(result.time, 1)
     whole.imshow(
         _shares_image(segments, result.processors, end),
@@ -122,9 +126,14 @@ def gantt(result: Result) -> Figure:
         aspect="auto",
         interpolation="nearest",
     )
-    for _, start, _ in phase_spans(result)[1:]:
-        whole.axvline(start, color="black", linewidth=0.6)
-    whole.set_title("the whole run; each column shows shares of its time, lines are barriers between phases")
+    for name, start, stop in phase_spans(result):
+        if start:
+            whole.axvline(start, color="black", linewidth=0.6)
+        if (stop - start) / end > _NAMED:
+            whole.text(
+                (start + stop) / 2, -0.58, name, ha="center", va="bottom", fontsize=7.0, color="#444444"
+            )
+    whole.set_title("the whole run, each column with shares of its time; lines are barriers", pad=16)
     until = _zoom_end(segments, end)
     seen = [entry for entry in segments if entry[1] < until]
     for group, colour in LABEL_COLOURS.items():
@@ -146,12 +155,14 @@ def gantt(result: Result) -> Figure:
         axes.xaxis.set_major_formatter(FuncFormatter(_short))
     zoom.set_xlabel(f"time, {result.unit}")
     used = {entry[3] for entry in segments}
-    words = {"queue": "queue", "steal": "steal", "wait": "wait"}
     _legend(
         figure,
         [
             Patch(
-                facecolor=colour, edgecolor="#999999", linewidth=0.4, label=words.get(group, f"{group}-task")
+                facecolor=colour,
+                edgecolor="#999999",
+                linewidth=0.4,
+                label=f"{group}-task" if len(group) == 1 else group,
             )
             for group, colour in LABEL_COLOURS.items()
             if group in used
@@ -186,7 +197,7 @@ def ablation(data: Data) -> Figure:
     """Each modification alone: added to `splash`, removed from `sbpram`."""
     rows = ablation_rows(data)
     figure = _figure(3.1)
-    panels = figure.subplots(1, 2, sharey=True, gridspec_kw={"wspace": 0.08})
+    panels = figure.subplots(1, 2, sharey=True)
     names = list(SWITCHES)
     shades = {
         p: 0.35 + 0.65 * index / (len(ABLATION_PROCESSORS) - 1) for index, p in enumerate(ABLATION_PROCESSORS)
@@ -207,7 +218,7 @@ def ablation(data: Data) -> Figure:
         axes.axvline(1.0, color="black", linewidth=0.8)
         axes.set_xscale("log", base=2)
         axes.margins(x=0.15)
-        axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        _plain_log(axes.xaxis, *axes.get_xlim())
         axes.set_title(title)
         axes.set_xlabel("times faster than without the change")
         axes.set_yticks(range(len(names)), [SWITCHES[name] for name in names])
@@ -223,7 +234,7 @@ def ablation(data: Data) -> Figure:
 def bsp(data: Data) -> Figure:
     """B beside B': time and speedup of the BSP phase."""
     figure = _figure(2.7)
-    times, shares = figure.subplots(1, 2, gridspec_kw={"wspace": 0.3})
+    times, shares = figure.subplots(1, 2)
     handles = []
     for name, colour, curve in zip(("B", "B'"), ("#0072B2", "#D55E00"), bsp_curves(data), strict=True):
         phase = None if curve is None else bsp_phase(curve)
@@ -234,10 +245,11 @@ def bsp(data: Data) -> Figure:
         shares.plot(p, [curve.time(count, phase) / curve.time(count) for count in p], "o-", color=colour)
         handles.append(Line2D([], [], marker="o", color=colour, label=f"{name}-tasks"))
         times.set_ylabel(f"time, {curve.results[1].unit}")
-    times.set_yscale("log")
+    times.set_ylim(bottom=0)
+    times.yaxis.set_major_formatter(FuncFormatter(_short))
     times.set_title("time of the BSP phase")
     shares.set_title("share of the whole run")
-    shares.yaxis.set_major_formatter(PercentFormatter(1.0))
+    shares.yaxis.set_major_formatter(FuncFormatter(_percent))
     shares.set_ylim(bottom=0)
     for axes in (times, shares):
         _processors_axis(axes, [curve for curve in bsp_curves(data) if curve is not None])
@@ -248,7 +260,7 @@ def bsp(data: Data) -> Figure:
 def order(data: Data) -> Figure:
     """Insertion orders: sizes of the BSP tree, links between roots, total work."""
     figure = _figure(2.7)
-    tree, links, work = figure.subplots(1, 3, gridspec_kw={"wspace": 0.32})
+    tree, links, work = figure.subplots(1, 3)
     drawn = [entry for entry in data.orders if entry["order"] == "random" and entry.get("work") is None]
     named = [entry for entry in data.orders if entry["order"] != "random" and entry.get("work") is None]
     styles = {"as-given": "-", "largest-first": "--", "fewest-cuts": ":"}
@@ -277,18 +289,14 @@ def order(data: Data) -> Figure:
                 x = row + offset
                 work.plot(x, entry["work"] / least, mark, color=colour, markeredgecolor=edge, markersize=4.5)
     work.set_xlim(-0.6, 1.6)
-    work.set_xticks([0, 1], ["fragments\nare elements", "polygons\nare elements"])
-    work.set_title("total work, times the least")
+    work.set_xticks([0, 1], ["fragments", "polygons"])
+    work.set_xlabel("elements begin as")
+    work.set_title("work, times the least")
     if worked:
-        work.set_yscale("log")
-        work.yaxis.set_major_formatter(FuncFormatter(_short))
-        work.yaxis.set_minor_formatter(FuncFormatter(_short))
         most = max(entry["work"] for entry in worked) / least
-        work.yaxis.set_major_locator(
-            FixedLocator([step for step in (1, 2, 5, 10, 20, 50, 100) if step <= 2 * most])
-        )
-        work.yaxis.set_minor_locator(NullLocator())
+        work.set_yscale("log")
         work.set_ylim(0.85, 1.2 * most)
+        _plain_log(work.yaxis, 0.85, 1.2 * most)
     handles: list[Any] = [Patch(color="#999999", label="random")]
     for name, style in styles.items():
         handles.append(
@@ -308,58 +316,58 @@ def order(data: Data) -> Figure:
 
 def convergence(data: Data) -> Figure:
     """Residuals by iteration; iterations and share of updated reads by processors."""
-    figure = _figure(5.0)
-    panels = figure.subplots(2, 2, gridspec_kw={"wspace": 0.28, "hspace": 0.45})
+    figure = _figure(5.2)
+    panels = figure.subplots(2, 2)
     epsilon = data.level.epsilons["1"].energy_epsilon
-    for axes, schedule in zip(panels[0], ("splash", "sbpram"), strict=True):
+    shown: dict[int, float] = {}
+    for axes, schedule in zip(panels[0], PAPERS, strict=True):
         jacobi = data.curve(SB_PRAM, schedule, update="jacobi")
         place = data.curve(SB_PRAM, schedule, update="in-place")
         if jacobi is not None:
-            _residuals(axes, jacobi.results[1], color="black", linestyle="--", label="Jacobi, any p")
+            _residuals(axes, jacobi.results[1], color="black", linestyle="--")
         if place is not None:
             chosen = [p for p in (1, 64, 1024, place.processors[-1]) if p in place.results]
             for index, p in enumerate(dict.fromkeys(chosen)):
                 shade = 0.35 + 0.65 * index / max(len(chosen) - 1, 1)
-                _residuals(
-                    axes,
-                    place.results[p],
-                    color=SCHEDULE_COLOURS[schedule],
-                    alpha=shade,
-                    label=f"in place, p = {p:,}",
-                )
+                _residuals(axes, place.results[p], color=SCHEDULE_COLOURS[schedule], alpha=shade)
+                shown[p] = shade
         axes.axhline(epsilon, color=GREY, linewidth=0.8)
         axes.set_yscale("log")
-        axes.set_title(f"{schedule}: change of the total after k iterations")
+        axes.set_title(f"{schedule}: change of the total")
         axes.set_xlabel("iteration k")
         axes.xaxis.set_major_locator(mpl.ticker.MaxNLocator(integer=True))
-        axes.legend(loc="upper right")
     count, share = panels[1]
     curves = []
-    handles = []
-    for schedule in ("splash", "sbpram"):
-        for update, style in (("in-place", "-"), ("jacobi", "--")):
-            curve = data.curve(SB_PRAM, schedule, update=update)  # type: ignore[arg-type]
+    handles = [
+        Line2D([], [], color="black", marker=".", alpha=shade, label=f"above: in place, p = {p:,}")
+        for p, shade in shown.items()
+    ]
+    handles.append(Line2D([], [], color="black", marker=".", linestyle="--", label="above: Jacobi, any p"))
+    for schedule in PAPERS:
+        for update, style in UPDATES:
+            curve = data.curve(SB_PRAM, schedule, update=update)
             if curve is None:
                 continue
             curves.append(curve)
-            p = curve.processors
+            counts = curve.processors
             colour = SCHEDULE_COLOURS[schedule]
-            iterations = [len(curve.results[n].iterations) for n in p]
+            iterations = [len(curve.results[n].iterations) for n in counts]
             # Equal counts would hide each other: Jacobi's lines are thin and on top.
-            count.plot(p, iterations, style, color=colour, linewidth=2.6 if style == "-" else 1.2, alpha=0.75)
+            width = 2.6 if style == "-" else 1.2
+            count.plot(counts, iterations, style, color=colour, linewidth=width, alpha=0.75)
             if update == "in-place":
-                share.plot(p, [curve.results[n].updated_share for n in p], "o-", color=colour)
+                share.plot(counts, [curve.results[n].updated_share for n in counts], "o-", color=colour)
             word = "Jacobi" if update == "jacobi" else "in place"
-            handles.append(Line2D([], [], color=colour, linestyle=style, label=f"{schedule}, {word}"))
-    count.set_title("iterations until the change is below epsilon")
+            handles.append(Line2D([], [], color=colour, linestyle=style, label=f"below: {schedule}, {word}"))
+    count.set_title("iterations to epsilon")
     count.set_ylim(bottom=0)
     count.yaxis.set_major_locator(mpl.ticker.MaxNLocator(integer=True))
-    share.set_title("in place: reads of values of the same iteration")
-    share.yaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))
+    share.set_title("reads of the same iteration's values, in place")
+    share.yaxis.set_major_formatter(FuncFormatter(_percent))
     share.set_ylim(0, 1)
     for axes in (count, share):
         _processors_axis(axes, curves)
-    _legend(figure, handles, columns=4)
+    _legend(figure, handles, columns=3)
     return figure
 
 
@@ -368,8 +376,8 @@ def losses(data: Data) -> Figure:
     curves = [curve for machine in data.machines for curve in data.headline_curves(machine)]
     columns = 3
     rows = max(1, math.ceil(len(curves) / columns))
-    figure = _figure(0.7 + 1.75 * rows)
-    panels = figure.subplots(rows, columns, squeeze=False, gridspec_kw={"wspace": 0.22, "hspace": 0.62})
+    figure = _figure(0.6 + 1.3 * rows)
+    panels = figure.subplots(rows, columns, squeeze=False)
     for axes in panels.flat[len(curves) :]:
         axes.set_visible(False)
     for axes, curve in zip(panels.flat, curves, strict=False):
@@ -381,9 +389,9 @@ def losses(data: Data) -> Figure:
             bottom += heights
         step = max(1, math.ceil(len(places) / 5))
         axes.set_xticks(places[::step], [_processors(p) for p in curve.processors[::step]])
-        axes.set_title(f"{curve.name}, {_machine(curve.machine)}", fontsize=8.0)
+        axes.set_title(f"{curve.name}, {_machine(curve.machine)}", fontsize=7.5)
         axes.set_ylim(0, 1)
-        axes.yaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))
+        axes.yaxis.set_major_formatter(FuncFormatter(_percent))
         axes.grid(visible=False, axis="x")
     for row in range(rows):
         panels[row, 0].set_ylabel("processor time")
@@ -401,7 +409,7 @@ def extra_work(data: Data) -> Figure:
         extra = [curve.extra_work(p) / max(curve.results[1].work, 1) for p in curve.processors]
         axes.plot(curve.processors, extra, **_line(curve))
     axes.axhline(0, color="black", linewidth=0.7)
-    axes.yaxis.set_major_formatter(PercentFormatter(1.0))
+    axes.yaxis.set_major_formatter(FuncFormatter(_percent))
     axes.set_ylabel("$(W_p - W_1) / W_1$")
     _processors_axis(axes, curves)
     _legend(figure, [_handle(curve) for curve in curves], columns=3)
@@ -424,8 +432,8 @@ def wavefront(data: Data) -> Figure:
             word = "without" if without else "with"
             label = f"wavefront, {_machine(curve.machine)}, {word} tree build"
             handles.append(Line2D([], [], **{**line, "label": label}))
-    for schedule in ("splash", "sbpram"):
-        other = data.curve(SB_PRAM, schedule)  # type: ignore[arg-type]
+    for schedule in PAPERS:
+        other = data.curve(SB_PRAM, schedule)
         if other is not None:
             found.append(other)
             axes.plot(other.processors, [other.efficiency(p) for p in other.processors], **_line(other))
@@ -445,8 +453,9 @@ def size(data: Data) -> Figure:
     figure = _figure(2.6)
     axes = figure.subplots()
     handles = []
-    for schedule, colour in SCHEDULE_COLOURS.items():
-        curves = [data.curve(SB_PRAM, schedule, size=share) for share in SIZES]  # type: ignore[arg-type]
+    for schedule in SCHEDULES:
+        colour = SCHEDULE_COLOURS[schedule]
+        curves = [data.curve(SB_PRAM, schedule, size=share) for share in SIZES]
         found = [curve for curve in curves if curve is not None]
         counts = [set(curve.results) for curve in found]
         p = max((n for n in set.intersection(*counts) if n <= 1024), default=1) if counts else 1
@@ -458,6 +467,7 @@ def size(data: Data) -> Figure:
         axes.set_title(f"on {p:,} processors")
         axes.set_xlabel(f"time on one processor, {found[0].results[1].unit}")
     axes.set_xscale("log")
+    _plain_log(axes.xaxis, *axes.get_xlim())
     axes.set_ylim(0, 1.05)
     axes.set_ylabel("efficiency")
     _legend(figure, handles, columns=3)
@@ -468,7 +478,7 @@ def misses(data: Data) -> Figure:
     """Misses on DASH at the largest number of processors, by data structure and by kind."""
     curves = [curve for curve in data.headline_curves(DASH) if curve.results[curve.processors[-1]].misses]
     figure = _figure(1.2 + 0.42 * max(len(curves), 2))
-    panels = figure.subplots(1, 2, sharey=True, gridspec_kw={"wspace": 0.08})
+    panels = figure.subplots(1, 2, sharey=True)
     found = [curve.results[curve.processors[-1]].misses for curve in curves]
     structures = list(dict.fromkeys(name for entry in found for name in entry))
     kinds = MISS_KINDS[:4]
@@ -514,7 +524,7 @@ def misses(data: Data) -> Figure:
 def _speedups(curves: list[Curve], *, most: int, limits: bool, stars: bool) -> Figure:
     """Speedup, both axes logarithmic, and efficiency."""
     figure = _figure(3.7)
-    left, right = figure.subplots(1, 2, gridspec_kw={"wspace": 0.24})
+    left, right = figure.subplots(1, 2)
     handles: list[Any] = []
     largest = 1
     for curve in curves:
@@ -539,8 +549,14 @@ def _speedups(curves: list[Curve], *, most: int, limits: bool, stars: bool) -> F
             mark |= {"markeredgecolor": SCHEDULE_COLOURS[schedule], "zorder": 5}
             left.plot(1024, speedup, **mark)
             right.plot(1024, speedup / 1024, **mark)
-        star = {"marker": "*", "markersize": 9, "linestyle": "", "color": "white", "markeredgecolor": "black"}
-        handles.append(Line2D([], [], label="the paper", **star))  # type: ignore[arg-type]
+        star: dict[str, Any] = {
+            "marker": "*",
+            "markersize": 9,
+            "linestyle": "",
+            "color": "white",
+            "markeredgecolor": "black",
+        }
+        handles.append(Line2D([], [], label="the paper", **star))
     left.set_yscale("log", base=2)
     left.yaxis.set_major_locator(FixedLocator([4**power for power in range(9)]))
     left.yaxis.set_minor_locator(NullLocator())
@@ -559,7 +575,9 @@ def _speedups(curves: list[Curve], *, most: int, limits: bool, stars: bool) -> F
 def _figure(height: float) -> Figure:
     """An empty figure as wide as a page; height in inches."""
     mpl.rcParams.update(_STYLE)
-    return Figure(figsize=(_WIDTH, height), layout="constrained")
+    figure = Figure(figsize=(_WIDTH, height), layout="constrained")
+    figure.set_layout_engine("constrained", w_pad=0.06, h_pad=0.06, wspace=0.03, hspace=0.03)
+    return figure
 
 
 def _legend(figure: Figure, handles: Sequence[Any], columns: int) -> None:
@@ -601,6 +619,25 @@ def _processors_axis(axes: Axes, curves: Iterable[Curve], most: int = 1 << 30) -
     axes.xaxis.set_minor_locator(NullLocator())
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: _processors(value)))
     axes.set_xlabel("processors p")
+
+
+def _plain_log(axis: Any, low: float, high: float) -> None:  # noqa: ANN401
+    """Ticks of a logarithmic axis as plain numbers, as many as fit."""
+    if high / low < 1.3:
+        axis.set_major_locator(mpl.ticker.MaxNLocator(5))
+        axis.set_minor_locator(NullLocator())
+        axis.set_major_formatter(FuncFormatter(_short))
+        return
+    decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+    steps = (1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 7, 8, 9) if high / low < 4 else (1, 2, 5)
+    ticks = [step * 10.0**decade for decade in decades for step in steps]
+    axis.set_major_locator(FixedLocator([tick for tick in ticks if low <= tick <= high]))
+    axis.set_minor_locator(NullLocator())
+    axis.set_major_formatter(FuncFormatter(_short))
+
+
+def _percent(share: float, _position: object = None) -> str:
+    return f"{100 * share:.3g} %"
 
 
 def _processors(count: float) -> str:

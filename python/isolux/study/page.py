@@ -32,7 +32,7 @@ class Drawing:
     caption
         What is drawn.
     words
-        What the data say, made from them.
+        What the data say, made from them; several lines become a list.
     """
 
     name: str
@@ -133,13 +133,17 @@ def _block(block: Block) -> str:
             head = "".join(f"<th>{_escape(cell)}</th>" for cell in header)
             lines = "\n".join("<tr>" + "".join(map(_cell, row)) + "</tr>" for row in rows)
             return (
-                '<div '
+                "<div "
                 f'class="wide"><table>\n<caption>{_escape(caption)}</caption>\n<thead><tr>{head}</tr></thead>\n'
                 f"<tbody>\n{lines}\n</tbody></table></div>\n{_words(words)}"
             )
 
 
 def _words(words: str) -> str:
+    """One paragraph, or a list where there are several lines."""
+    lines = [f"<li>{_escape(line)}</li>" for line in words.split("\n")]
+    if len(lines) > 1:
+        return f'<ul class="words">{"".join(lines)}</ul>'
     return f'<p class="words">{_escape(words)}</p>' if words else ""
 
 
@@ -154,7 +158,8 @@ def _escape(text: str) -> str:
 
 
 _CSS = """
-:root { color-scheme: light dark; --ink: #1a1a1a; --paper: #ffffff; --faint: #666; --line: #ccc; --mark: #ffe08a; }
+:root { color-scheme: light dark;
+  --ink: #1a1a1a; --paper: #ffffff; --faint: #666; --line: #ccc; --mark: #ffe08a; }
 @media (prefers-color-scheme: dark) {
   :root { --ink: #e6e6e6; --paper: #16181b; --faint: #a0a0a0; --line: #444; --mark: #6b5200; }
 }
@@ -167,9 +172,11 @@ figure { margin: 1.2rem 0 0.4rem; }
 .sheet svg { width: 100%; height: auto; display: block; }
 figcaption, caption { color: var(--faint); font-size: 0.9rem; text-align: left; }
 .words { border-left: 3px solid var(--line); padding-left: 0.8rem; }
+ul.words { padding-left: 1.8rem; }
 .wide { overflow-x: auto; }
 table { border-collapse: collapse; font-size: 0.88rem; font-variant-numeric: tabular-nums; margin: 1rem 0; }
-th, td { padding: 0.2rem 0.7rem 0.2rem 0; text-align: left; vertical-align: top; border-bottom: 1px solid var(--line); }
+th, td { padding: 0.2rem 0.7rem 0.2rem 0; text-align: left; vertical-align: top;
+  border-bottom: 1px solid var(--line); }
 td.mark { background: var(--mark); }
 .facts th { font-weight: normal; color: var(--faint); }
 nav ol { columns: 2; }

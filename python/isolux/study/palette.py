@@ -1,7 +1,7 @@
 """Colours and marks, the same in every figure; told apart by those who see fewer colours, too.
 
-Schedules have the colours of Okabe and Ito (2008); machines differ by line and mark, grains by filled and open
-marks.
+Schedules have the colours of Okabe and Ito (2008); machines differ by line and mark, grains by filled and
+open marks.
 """
 
 from __future__ import annotations

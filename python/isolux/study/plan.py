@@ -18,9 +18,22 @@ if TYPE_CHECKING:
     from isolux.study.runs import Schedule
     from isolux.study.size import Level
 
-__all__ = ["DASH", "SB_PRAM", "FigureNumber", "Machine", "Wish", "find_machine", "ordered", "plan", "weight"]
+__all__ = [
+    "DASH",
+    "FIGURES",
+    "SB_PRAM",
+    "FigureNumber",
+    "Machine",
+    "Wish",
+    "find_machine",
+    "ordered",
+    "plan",
+    "weight",
+]
 
 FigureNumber = Literal["5", "6", "7"]
+#: Figures of the paper.
+FIGURES: tuple[FigureNumber, ...] = ("5", "6", "7")
 
 #: The machines of the paper.
 SB_PRAM, DASH = "sb-pram", "dash"

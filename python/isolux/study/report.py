@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 from isolux.exceptions import UsageError
 from isolux.study import words
 from isolux.study.claims import bsp_curves, claims
+from isolux.study.numbers import figure, percent
 from isolux.study.page import Drawing, Section, Table, Text, render
 from isolux.study.plan import ABLATION_PROCESSORS, DASH, SB_PRAM
-from isolux.study.runs import SWITCHES
+from isolux.study.runs import PAPERS, SWITCHES, Update
 from isolux.study.tables import TABLES
 from isolux.study.traces import perfetto
 
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 
 __all__ = ["check_matplotlib", "write"]
 
+UPDATES: tuple[Update, ...] = ("in-place", "jacobi")
 _FIGURES_FROM = "figures need matplotlib, which is not installed: pip install 'isolux[study]'"
 
 
@@ -38,7 +40,7 @@ def check_matplotlib() -> None:
         With the command that installs what is missing.
     """
     try:
-        import matplotlib  # noqa: F401, ICN001, PLC0415
+        import matplotlib  # noqa: F401, PLC0415
     except ImportError:
         raise UsageError(_FIGURES_FROM) from None
 
@@ -186,7 +188,7 @@ class _Maker:
                 f"{row['time_p']:,}",
                 ("!" if row["share_departs"] else "") + _percent(row["share"]),
                 _percent(row["paper_share"]),
-                ("!" if row["speedup_departs"] else "") + f"{row['speedup']:.4g}",
+                ("!" if row["speedup_departs"] else "") + f"{figure(row['speedup'], 4)}",
                 "" if row["paper_speedup"] is None else f"{row['paper_speedup']:g}",
             ]
             for row in rows
@@ -214,7 +216,9 @@ class _Maker:
             self._speedups_by_switch(),
         ]
         if any(curve is not None for curve in bsp_curves(data)):
-            caption = "B-tasks one after the other against B'-tasks in parallel, where nothing else is in the phase."
+            caption = (
+                "B-tasks, one after the other, against B'-tasks in parallel; nothing else is in the phase."
+            )
             blocks.append(self._draw("bsp", self._figures.bsp(data), caption, words.bsp(data)))
         blocks += [self._steals(), self._lines()]
         return Section("table-1", "Table 1 taken apart", blocks)
@@ -244,8 +248,8 @@ class _Maker:
                     f"{p:,}",
                     f"{successes:,}",
                     f"{steals['failures']:,}",
-                    f"{steals['failures'] / successes:.3g}" if successes else "",
-                    f"{steals['probes'] / successes:.3g}" if successes else "",
+                    f"{figure(steals['failures'] / successes)}" if successes else "",
+                    f"{figure(steals['probes'] / successes)}" if successes else "",
                 ]
             )
         header = ["p", "steals", "failed", "failed per steal", "probes per steal"]
@@ -258,7 +262,8 @@ class _Maker:
             ratio = lines["sbpram"] / max(lines["splash"], 1)
             verdict = "simpler" if ratio < 0.95 else "longer" if ratio > 1.05 else "as long"
             text = (
-                f"By lines of code sbpram is {verdict}: {ratio:.0%} of splash. (The paper: the optimised "
+                f"By lines of code sbpram is {verdict}: {percent(ratio)} of splash. (The paper: the "
+                "optimised "
                 "version "
                 "has a much simpler source.)"
             )
@@ -292,7 +297,29 @@ class _Maker:
         block = self._draw(
             "convergence", self._figures.convergence(self._data), caption, words.convergence(self._data)
         )
-        return Section("convergence", "Convergence", [block])
+        return Section("convergence", "Convergence", [block, self._updates()])
+
+    def _updates(self) -> Table:
+        cells = []
+        for schedule in PAPERS:
+            for update in UPDATES:
+                curve = self._data.curve(SB_PRAM, schedule, update=update)
+                for p in () if curve is None else (1, *ABLATION_PROCESSORS, curve.processors[-1]):
+                    if curve is not None and p in curve.results:
+                        result = curve.results[p]
+                        cells.append(
+                            [
+                                schedule,
+                                update,
+                                f"{p:,}",
+                                f"{len(result.iterations)}",
+                                percent(result.updated_share),
+                                figure(curve.speedup(p), 4),
+                            ]
+                        )
+        header = ["schedule", "update", "p", "iterations", "reads of updated values", "speedup"]
+        caption = "Both updates; speedups against the same update's own run on one processor."
+        return Table(header, list(dict.fromkeys(map(tuple, cells))), caption)
 
     def losses(self) -> Section | None:
         if not any(self._data.headline_curves(machine) for machine in self._data.machines):
@@ -376,18 +403,27 @@ class _Maker:
             "in the "
             "machines' own units."
         )
+        runs = self._data.results
+        if runs:
+            dear = max(runs, key=lambda run: runs[run].seconds)
+            text += (
+                f" The {len(runs):,} runs took {figure(sum(result.seconds for result in runs.values()))} s "
+                "of "
+                f"simulation in all; the longest, {dear}, {figure(runs[dear].seconds)} s for "
+                f"{runs[dear].events:,} events."
+            )
         return Section("files", "Data", [Text(text)])
 
-    def _draw(self, name: str, figure: Figure, caption: str, text: str) -> Drawing:
-        drawn = self._figures.svg(figure, name)
+    def _draw(self, name: str, drawing: Figure, caption: str, text: str) -> Drawing:
+        drawn = self._figures.svg(drawing, name)
         self._store.write_bytes(f"figures/{name}.svg", drawn.encode())
-        self._store.write_bytes(f"figures/{name}.png", self._figures.png(figure))
+        self._store.write_bytes(f"figures/{name}.png", self._figures.png(drawing))
         return Drawing(name, drawn, caption, text)
 
 
 def _percent(share: float | None) -> str:
-    return "" if share is None else f"{100 * share:.3g} %"
+    return "" if share is None else percent(share, 3)
 
 
 def _speedup(curve: Curve, processors: int) -> str:
-    return f"{curve.speedup(processors):.4g}" if processors in curve.results else ""
+    return f"{figure(curve.speedup(processors), 4)}" if processors in curve.results else ""

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 __all__ = [
     "CAUSES",
     "MISS_KINDS",
+    "PAPERS",
     "SCHEDULES",
     "SWITCHES",
     "Iteration",
@@ -31,6 +32,8 @@ Schedule = Literal["splash", "sbpram", "wavefront"]
 Update = Literal["in-place", "jacobi"]
 
 SCHEDULES: tuple[Schedule, ...] = ("splash", "sbpram", "wavefront")
+#: The organisations that the paper compares.
+PAPERS: tuple[Schedule, Schedule] = ("splash", "sbpram")
 #: The five modifications of the paper's Table 1, by what they do.
 SWITCHES = {
     "parallel_bsp": "B': parallel BSP construction",

@@ -1,4 +1,4 @@
-"""How large a study is: epsilons, orders and processors, each in one place and fixed before any parallel run."""
+"""How large a study is: epsilons, orders and processors, fixed here before any parallel run."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ _COARSE = Epsilons(bf_epsilon=0.5, area_epsilon=1e-2, energy_epsilon=0.05)
 FULL = Level("full", _ROOM, _COARSE, orders=200, worked_orders=4, most_worked_orders=30, every=1)
 QUICK = Level("quick", _QUICK, _COARSE, orders=50, worked_orders=2, most_worked_orders=30, every=2)
 
-#: Numbers of processors: the paper's figure ends at 2,048; the SB-PRAM goes on, DASH was built for 64 at most.
+#: Numbers of processors: the paper's figure ends at 2,048, and the SB-PRAM goes on; DASH had 64 at most.
 SB_PRAM_PROCESSORS = tuple(2**power for power in range(15))
 DASH_PROCESSORS = tuple(2**power for power in range(7))
 #: Those of a machine that the user names, up to what it has.

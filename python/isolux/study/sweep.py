@@ -36,7 +36,7 @@ class Stopped(Exception):  # noqa: N818
     """The user ended the sweep; what was made is kept."""
 
     def __init__(self, made: int, wanted: int) -> None:
-        super().__init__(f"{made:,} of {wanted:,} runs are made")
+        super().__init__(f"{made:,} of {wanted:,} are made")
         self.made, self.wanted = made, wanted
 
 
@@ -98,9 +98,7 @@ class Jobs:
         finished, count = 0.0, 0
         try:
             while count < len(jobs):
-                self._show(
-                    State(self._phase, finished / total, f"{made + count:,} of {made + len(jobs):,} runs")
-                )
+                self._show(State(self._phase, finished / total, f"{made + count:,} of {made + len(jobs):,}"))
                 if self._stopped():
                     raise Stopped(made + count, made + len(jobs))
                 try:
@@ -132,7 +130,7 @@ def _work(
             return
         try:
             answer: str | BaseException = job.make(stop.is_set)
-        except BaseException as error:  # noqa: BLE001 - it is raised again where it is heard
+        except BaseException as error:  # it is raised again where it is heard
             if stop.is_set():
                 return
             answer = error
@@ -237,7 +235,7 @@ class Batch:
 
 
 def order_batches(orders: int, worked: int) -> list[Batch]:
-    """Insertion orders in batches, each of which is kept: the named ones, and random ones by seed from 1 on."""
+    """Insertion orders in batches, each of which is kept: named ones, and random ones by seed from 1 on."""
     batches = [Batch("orders_named", ORDER_NAMES, (), worked=False)]
     for first in range(1, orders + 1, _TREES_PER_BATCH):
         seeds = tuple(range(first, min(first + _TREES_PER_BATCH, orders + 1)))
@@ -258,17 +256,17 @@ def count_orders(
     batches: Sequence[Batch],
     store: Store,
     *,
-    scene: Any,
+    scene: Any,  # noqa: ANN401
     level: Level,
-    jobs: Jobs,  # noqa: ANN401
+    jobs: Jobs,
 ) -> list[dict[str, Any]]:
     """Have all batches counted that the store has not got.
 
     Returns
     -------
     list
-        One entry per order: ``order``, ``seed``, ``fragments``, ``nodes``, ``root_links``, and where all links
-        were counted ``work`` (the machine's units), ``links`` and ``roots``.
+        One entry per order: ``order``, ``seed``, ``fragments``, ``nodes``, ``root_links``, and where all
+        links were counted ``work`` (the machine's units), ``links`` and ``roots``.
     """
     entries: dict[str, list[dict[str, Any]]] = {}
     for batch in batches:

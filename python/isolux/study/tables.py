@@ -1,4 +1,4 @@
-"""The data of a report as CSV: one header line, a dot in numbers, no unit in them (the header names columns)."""
+"""The data of a report as CSV: one header line, numbers with a dot; times are in the machine's unit."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def losses(data: Data) -> str:
 
 
 def ablation(data: Data) -> str:
-    """Each modification alone, added to `splash` or removed from `sbpram`: speedups against their own run on one."""
+    """Each modification alone, added to `splash` or removed from `sbpram`."""
 
     def rows() -> Iterable[Sequence[object]]:
         schedules: tuple[tuple[Schedule, str], ...] = (("splash", "with"), ("sbpram", "without"))
@@ -86,7 +86,7 @@ def ablation(data: Data) -> str:
 
 
 def order(data: Data) -> str:
-    """Insertion orders: BSP nodes, fragments and links between roots; work and links where all were counted."""
+    """Insertion orders: BSP nodes, fragments, links between roots; work and links where all were counted."""
     columns = ("order", "seed", "fragments", "nodes", "root_links", "roots", "work", "links")
     return _csv(columns, ([_blank(entry.get(column)) for column in columns] for entry in data.orders))
 

@@ -9,14 +9,15 @@ from typing import TYPE_CHECKING, Any
 from isolux.study import paper
 from isolux.study.claims import bsp_curves, bsp_phase
 from isolux.study.data import TREE_PHASE
+from isolux.study.numbers import figure, percent
 from isolux.study.plan import DASH, SB_PRAM
-from isolux.study.runs import MISS_KINDS, SWITCHES
+from isolux.study.runs import MISS_KINDS, PAPERS, SCHEDULES, SWITCHES
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from isolux.study.data import Curve, Data
-    from isolux.study.runs import Result
+    from isolux.study.runs import Result, Schedule
 
 __all__ = [
     "ablation",
@@ -53,14 +54,16 @@ def gantt(name: str, result: Result) -> str:
     """Figure 5: how the processors of one schedule spend the run, and its first part."""
     shares = {cause: time / max(sum(result.causes().values()), 1) for cause, time in result.causes().items()}
     cause, share = max(((c, s) for c, s in shares.items() if c != "work"), key=lambda entry: entry[1])
-    text = f"{name} works {shares['work']:.1%} of all processor time on {result.processors} processors"
-    text += f"; the largest loss is {LOSSES[cause]} ({share:.2%})." if share > 0 else "; nothing is lost."
+    text = f"{name} works {percent(shares['work'])} of all processor time on {result.processors} processors"
+    text += (
+        f"; the largest loss is {LOSSES[cause]} ({percent(share)})." if share > 0 else "; nothing is lost."
+    )
     longest = max(result.phases, key=lambda phase: phase.time)
     whole = f"{longest.name} {longest.iteration}" if longest.iteration is not None else longest.name
-    text += f" The longest phase is {whole}, with {longest.time / max(result.time, 1):.0%} of the time."
+    text += f" The longest phase is {whole}, with {percent(longest.time / max(result.time, 1))} of the time."
     first = result.phases[0]
     lost = 1.0 - first.work / max(sum(first.causes.values()), 1)
-    return f"{text} In the first phase, {first.name}, the processors lose {lost:.1%} of their time."
+    return f"{text} In the first phase, {first.name}, the processors lose {percent(lost)} of their time."
 
 
 def figure_6_left(data: Data) -> str:
@@ -72,16 +75,20 @@ def figure_6_left(data: Data) -> str:
         if ours is None or theirs is None or p is None:
             continue
         parts.append(
-            f"On {p} processors splash at {variant} grain reaches {ours.speedup(p):.3g} on SB-PRAM and "
-            f"{theirs.speedup(p):.3g} on DASH{_lost_to(theirs, p)}."
+            f"On {p} processors splash at {variant} grain reaches {figure(ours.speedup(p))} on SB-PRAM and "
+            f"{figure(theirs.speedup(p))} on DASH{_lost_to(theirs, p)}."
         )
     for machine in (SB_PRAM, DASH):
         default, finest = data.curve(machine, "splash"), data.curve(machine, "splash", "finest")
         p = _last_common([default, finest], 64)
         if default is None or finest is None or p is None:
             continue
-        verdict = _compare(finest.speedup(p), default.speedup(p), "better", "worse")
-        parts.append(f"The finest grain is {verdict} than the default on {_machine(machine)} (p = {p}).")
+        verdict = _compare(finest.speedup(p), default.speedup(p), "scales better than", "scales worse than")
+        parts.append(
+            f"On {_machine(machine)} the finest grain {verdict or 'scales as'} the default (p = {p}), and "
+            "takes "
+            f"{figure(finest.time(p) / default.time(p))} times its time."
+        )
     on_dash, splash = data.curve(DASH, "sbpram"), data.curve(DASH, "splash")
     p = _last_common([on_dash, splash], 64)
     if on_dash is not None and splash is not None and p is not None:
@@ -100,7 +107,7 @@ def figure_6_left(data: Data) -> str:
                 else ""
             )
         )
-    return " ".join(parts)
+    return "\n".join(parts)
 
 
 def figure_6_right(data: Data) -> str:
@@ -111,8 +118,9 @@ def figure_6_right(data: Data) -> str:
     if splash is not None and sbpram is not None and p is not None:
         ratio = splash.time(p) / sbpram.time(p)
         parts.append(
-            f"On {p:,} processors splash reaches {splash.speedup(p):.4g} (efficiency "
-            f"{splash.efficiency(p):.2f}) and sbpram {sbpram.speedup(p):.4g} ({sbpram.efficiency(p):.2f}): "
+            f"On {p:,} processors splash reaches {figure(splash.speedup(p), 4)} (efficiency "
+            f"{splash.efficiency(p):.2f}) and sbpram {figure(sbpram.speedup(p), 4)} "
+            f"({sbpram.efficiency(p):.2f}): "
             "sbpram "
             f"{_faster(ratio)}."
         )
@@ -121,19 +129,24 @@ def figure_6_right(data: Data) -> str:
                 f"The paper has {paper.SPEEDUP_1024['splash']:g} and {paper.SPEEDUP_1024['sbpram']:g} "
                 "(stars)."
             )
+    jacobi = [data.curve(SB_PRAM, schedule, update="jacobi") for schedule in PAPERS]
+    if p is not None and all(curve is not None and p in curve.results for curve in jacobi):
+        reached = [figure(curve.speedup(p), 4) for curve in jacobi if curve is not None]
+        parts.append(f"With Jacobi updates it is {' and '.join(reached)}.")
     for curve in data.headline_curves():
         last = curve.processors[-1]
         if last == 1:
             continue
         share = curve.speedup(last) / curve.limit(last)
         best = max(curve.processors, key=curve.speedup)
-        peak = f"; its best is {curve.speedup(best):.4g} on {best:,}" if best != last else ""
+        peak = f"; its best is {figure(curve.speedup(best), 4)} on {best:,}" if best != last else ""
         parts.append(
-            f"{curve.name}: {curve.speedup(last):.4g} on {last:,} processors, {share:.0%} of what its task "
+            f"{curve.name}: {figure(curve.speedup(last), 4)} on {last:,} processors, {percent(share)} of "
+            "what its task "
             "graph "
             f"allows{peak}; efficiency falls below one half {_half(curve)}."
         )
-    return " ".join(parts)
+    return "\n".join(parts)
 
 
 def figure_7(data: Data) -> str:
@@ -154,7 +167,8 @@ def figure_7(data: Data) -> str:
     word = "share of the time on one processor" if kind == "share" else "speedup"
     return (
         f"{len(marks)} of {compared} {what} depart from the paper's by more than a quarter (marked). "
-        f"Farthest off is the {word} of phase {row['phase']} of {row['schedule']}: {_ratio(row, kind):.2g} "
+        f"Farthest off is the {word} of phase {row['phase']} of {row['schedule']}: "
+        f"{figure(_ratio(row, kind), 2)} "
         "times "
         "the paper's."
     )
@@ -163,7 +177,7 @@ def figure_7(data: Data) -> str:
 def figure_7_rows(data: Data) -> list[dict[str, Any]]:
     """Rows of the table: ours and the paper's shares of T_1, and speedups, at the headline's processors."""
     rows: list[dict[str, Any]] = []
-    for schedule in ("splash", "sbpram"):
+    for schedule in PAPERS:
         curve = data.curve(SB_PRAM, schedule)
         p = _last_common([curve], 1024)
         if curve is None or p is None:
@@ -196,10 +210,10 @@ def figure_7_rows(data: Data) -> list[dict[str, Any]]:
     return rows
 
 
-def ablation_rows(data: Data) -> list[tuple[str, str, Curve, Curve]]:
+def ablation_rows(data: Data) -> list[tuple[Schedule, str, Curve, Curve]]:
     """(schedule, switch, curve with the switch turned, curve of the whole schedule)."""
     rows = []
-    for schedule, word in (("splash", "with"), ("sbpram", "without")):
+    for schedule, word in zip(PAPERS, ("with", "without"), strict=True):
         base = data.curve(SB_PRAM, schedule)
         for switch in SWITCHES:
             curve = data.curve(SB_PRAM, schedule, f"{word} {switch}")
@@ -226,7 +240,7 @@ def ablation(data: Data) -> str:
         parts.append(
             f"On {p:,} processors the modification that changes most when {verb} alone is "
             f"“{SWITCHES[best[0]]}”: the run becomes {_times(best[1])}"
-            + (f"; {len(still)} of {len(own)} change less than {_EQUAL:.0%}" if still else "")
+            + (f"; {len(still)} of {len(own)} change less than {percent(_EQUAL)}" if still else "")
             + "."
         )
         worse = [switch for switch, factor in own if factor < 1 - _EQUAL]
@@ -237,7 +251,7 @@ def ablation(data: Data) -> str:
             parts.append(
                 "sbpram is faster without: " + ", ".join(SWITCHES[switch] for switch in better) + "."
             )
-    return " ".join(parts)
+    return "\n".join(parts)
 
 
 def bsp(data: Data) -> str:
@@ -248,21 +262,21 @@ def bsp(data: Data) -> str:
         if curve is None or phase is None:
             continue
         best = min(curve.processors, key=lambda p: curve.time(p, phase))
-        last = curve.processors[-1]
-        share = curve.time(last, phase) / curve.time(last)
+        last = _last_common([curve], 1024) or 1
+        shares = [percent(curve.time(p, phase) / curve.time(p)) for p in (1, last)]
         parts.append(
-            f"{name} is {curve.speedup(best, phase):.3g} times faster at best (p = {best:,}) and takes "
-            f"{share:.1%} "
-            f"of the whole run on {last:,} processors, {curve.time(1, phase) / curve.time(1):.2%} on one."
+            f"{name} on {last:,} processors is {_times(curve.speedup(last, phase))} than on one, at best "
+            f"{_times(curve.speedup(best, phase))} (p = {best:,}); it takes {shares[1]} of the whole run, and "
+            f"{shares[0]} on one."
         )
     plain, parallel = bsp_curves(data)
     if plain is not None and parallel is not None:
         first, second = bsp_phase(plain), bsp_phase(parallel)
-        if first is not None and second is not None:
-            ahead = [p for p in plain.processors if p in parallel.results]
-            ahead = [p for p in ahead if parallel.time(p, second) < plain.time(p, first)]
-            parts.append(f"B' is ahead from {ahead[0]:,} processors on." if ahead else "B' is never ahead.")
-    return " ".join(parts)
+        common = [p for p in plain.processors if p in parallel.results]
+        behind = [p for p in common if parallel.time(p, second) >= plain.time(p, first)]
+        ahead = [p for p in common if p > max(behind, default=0)]
+        parts.append(f"B' takes less time than B from p = {ahead[0]:,} on." if ahead else "B' never wins.")
+    return "\n".join(parts)
 
 
 def steals(data: Data) -> str:
@@ -276,9 +290,9 @@ def steals(data: Data) -> str:
     first, last = some[0], some[-1]
     before, after = (_per_success(curve.results[p]) for p in (first, last))
     return (
-        f"For each task stolen, splash fails {before[0]:.2g} times on {first:,} processors and "
-        f"{after[0]:.2g} times "
-        f"on {last:,}; it looks into {before[1]:.2g} and {after[1]:.2g} queues."
+        f"For each task stolen, splash fails {figure(before[0], 2)} times on {first:,} processors and "
+        f"{figure(after[0], 2)} times "
+        f"on {last:,}; it looks into {figure(before[1], 2)} and {figure(after[1], 2)} queues."
     )
 
 
@@ -312,20 +326,20 @@ def order(data: Data) -> str:
             spreads[roots] = max(work) / min(work)
     if "fragments" in spreads:
         parts.append(
-            f"The total work spreads by a factor of {spreads['fragments']:.2g} (the paper: up to 10)"
+            f"The total work spreads by a factor of {figure(spreads['fragments'], 2)} (the paper: up to 10)"
         )
         parts[-1] += (
-            f"; where fragments are not elements, {spreads['polygons']:.2g} is left."
+            f"; where fragments are not elements, {figure(spreads['polygons'], 2)} is left."
             if "polygons" in spreads
             else "."
         )
-    return " ".join(parts)
+    return "\n".join(parts)
 
 
 def convergence(data: Data) -> str:
     """Whether more processors take fewer iterations, and how much of the newest values they see."""
     parts = []
-    for schedule in ("splash", "sbpram"):
+    for schedule in PAPERS:
         place = data.curve(SB_PRAM, schedule, update="in-place")
         jacobi = data.curve(SB_PRAM, schedule, update="jacobi")
         if place is None:
@@ -346,12 +360,13 @@ def convergence(data: Data) -> str:
         shares = {p: place.results[p].updated_share for p in place.processors}
         trend = _compare(shares[last], shares[first], "rises", "falls", "stays")
         text += (
-            f". The share of reads that see a value of the same iteration {trend} from {shares[first]:.0%} "
+            f". The share of reads that see a value of the same iteration {trend} from "
+            f"{percent(shares[first])} "
             "on one "
-            f"processor to {shares[last]:.0%} on {last:,}."
+            f"processor to {percent(shares[last])} on {last:,}."
         )
         parts.append(text)
-    return " ".join(parts)
+    return "\n".join(parts)
 
 
 def losses(data: Data) -> str:
@@ -367,10 +382,11 @@ def losses(data: Data) -> str:
                 continue
             parts.append(
                 f"{curve.name} on {_machine(machine)}, {last:,} processors: "
-                f"{curve.shares(last)['work']:.0%} work; "
-                f"most is lost by {LOSSES[cause]} ({share:.0%}), {part:.0%} of all losses in phase {phase}."
+                f"{percent(curve.shares(last)['work'])} work; "
+                f"most is lost by {LOSSES[cause]} ({percent(share)}), {percent(part)} of all losses in "
+                f"phase {phase}."
             )
-    return " ".join(parts)
+    return "\n".join(parts)
 
 
 def extra_work(data: Data) -> str:
@@ -383,8 +399,8 @@ def extra_work(data: Data) -> str:
             parts.append(f"{curve.name} does the same work on any number of processors.")
         else:
             more = "more" if extra[p] > 0 else "less"
-            parts.append(f"{curve.name} does up to {abs(extra[p]):.1%} {more} work (p = {p:,}).")
-    return " ".join(parts)
+            parts.append(f"{curve.name} does up to {percent(abs(extra[p]))} {more} work (p = {p:,}).")
+    return "\n".join(parts)
 
 
 def wavefront(data: Data) -> str:
@@ -405,9 +421,10 @@ def wavefront(data: Data) -> str:
     phase, part = curve.lossy_phase(last)
     reach = curve.speedup(last) / curve.limit(last)
     parts.append(
-        f"On {last:,} the largest loss is {LOSSES[cause]} ({share:.0%} of all processor time), {part:.0%} "
+        f"On {last:,} the largest loss is {LOSSES[cause]} ({percent(share)} of all processor time), "
+        f"{percent(part)} "
         "of all "
-        f"losses in phase {phase}; the run reaches {reach:.0%} of what its task graph allows, so "
+        f"losses in phase {phase}; the run reaches {percent(reach)} of what its task graph allows, so "
         + (
             "the critical path is the limit."
             if reach > 0.8
@@ -419,13 +436,13 @@ def wavefront(data: Data) -> str:
     if others:
         best = min(others, key=lambda other: other.time(last))
         parts.append(f"Against {best.name}, it {_faster(best.time(last) / curve.time(last))} there.")
-    return " ".join(parts)
+    return "\n".join(parts)
 
 
 def size(data: Data) -> str:
     """Whether larger problems scale better."""
     parts = []
-    for schedule in ("splash", "sbpram", "wavefront"):
+    for schedule in SCHEDULES:
         curves = {share: data.curve(SB_PRAM, schedule, size=share) for share in ("1/4", "1", "4")}
         found = {share: curve for share, curve in curves.items() if curve is not None}
         p = _last_common(list(found.values()), 1024)
@@ -436,10 +453,11 @@ def size(data: Data) -> str:
         verdict = _compare(high, low, "rises", "falls", "stays")
         ratio = found[last].time(1) / found[first].time(1)
         parts.append(
-            f"{schedule}: with {ratio:.3g} times the work (measured on one processor), efficiency on {p:,} "
+            f"{schedule}: with {figure(ratio)} times the work (measured on one processor), efficiency on "
+            f"{p:,} "
             f"processors {verdict} from {low:.2f} to {high:.2f}."
         )
-    return " ".join(parts)
+    return "\n".join(parts)
 
 
 def misses(data: Data) -> str:
@@ -460,12 +478,13 @@ def misses(data: Data) -> str:
             continue
         structure, kind = (max(counts, key=lambda name: counts[name]) for counts in (by_structure, by_kind))
         accesses = sum(kinds.get("accesses", 0) for kinds in found.values())
-        rate = f" ({total / accesses:.2%} of accesses)" if accesses else ""
+        rate = f" ({percent(total / accesses)} of accesses)" if accesses else ""
         parts.append(
             f"{curve.name} on {last} processors misses {total:,} times{rate}, most often on {structure} "
-            f"({by_structure[structure] / total:.0%}), most often by {kind} ({by_kind[kind] / total:.0%})."
+            f"({percent(by_structure[structure] / total)}), most often by {kind} "
+            f"({percent(by_kind[kind] / total)})."
         )
-    return " ".join(parts)
+    return "\n".join(parts)
 
 
 def further(data: Data, machine: str) -> str:
@@ -476,15 +495,15 @@ def further(data: Data, machine: str) -> str:
         last = curve.processors[-1]
         cause, share = curve.largest_loss(last)
         parts.append(
-            f"{curve.name}: {curve.speedup(last):.4g} on {last:,} processors (efficiency "
-            f"{curve.efficiency(last):.2f}; largest loss {LOSSES[cause]}, {share:.0%})."
+            f"{curve.name}: {figure(curve.speedup(last), 4)} on {last:,} processors (efficiency "
+            f"{curve.efficiency(last):.2f}; largest loss {LOSSES[cause]}, {percent(share)})."
         )
     if len(curves) > 1:
         p = _last_common(list(curves), 1 << 30)
         if p is not None:
             best = min(curves, key=lambda curve: curve.time(p))
             parts.append(f"Fastest on {p:,} processors is {best.name}.")
-    return " ".join(parts)
+    return "\n".join(parts)
 
 
 def _last_common(curves: Sequence[Curve | None], most: int) -> int | None:
@@ -497,7 +516,7 @@ def _last_common(curves: Sequence[Curve | None], most: int) -> int | None:
 
 def _lost_to(curve: Curve, processors: int) -> str:
     cause, share = curve.largest_loss(processors)
-    return f", which loses most by {LOSSES[cause]} ({share:.0%})" if share > 0 else ""
+    return f", which loses most by {LOSSES[cause]} ({percent(share)})" if share > 0 else ""
 
 
 def _half(curve: Curve) -> str:
@@ -505,7 +524,7 @@ def _half(curve: Curve) -> str:
     return f"at {below[0]:,}" if below else "nowhere"
 
 
-def _compare(one: float, other: float, more: str, less: str, same: str = "no other") -> str:
+def _compare(one: float, other: float, more: str, less: str, same: str = "") -> str:
     if abs(one - other) <= _EQUAL * max(abs(other), 1e-12):
         return same
     return more if one > other else less
@@ -514,13 +533,13 @@ def _compare(one: float, other: float, more: str, less: str, same: str = "no oth
 def _faster(ratio: float) -> str:
     if abs(ratio - 1) <= _EQUAL:
         return "is as fast"
-    return f"is {ratio:.3g} times faster" if ratio > 1 else f"takes {1 / ratio:.3g} times as long"
+    return f"is {figure(ratio)} times faster" if ratio > 1 else f"takes {figure(1 / ratio)} times as long"
 
 
 def _times(factor: float) -> str:
     if abs(factor - 1) <= _EQUAL:
         return "neither faster nor slower"
-    return f"{factor:.3g} times faster" if factor > 1 else f"{1 / factor:.3g} times slower"
+    return f"{figure(factor)} times faster" if factor > 1 else f"{figure(1 / factor)} times slower"
 
 
 def _departs(ours: float, theirs: float | None) -> bool:
