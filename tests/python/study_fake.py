@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import threading
+import time
 import zlib
 
 from isolux.exceptions import UsageError
@@ -38,6 +39,10 @@ class Problem:
         self.settings = json.loads(settings)
         self.factor = SIZES.get(self.settings["bf_epsilon"], self.settings["bf_epsilon"])
 
+    @staticmethod
+    def waiting():
+        time.sleep(0.001)
+
     def describe(self):
         return json.dumps({"polygons": 346, "roots": 420, "root_pairs": 87_990, "order": "fewest-cuts"})
 
@@ -47,6 +52,7 @@ class Problem:
             self.made.append(run)
             endless = self.endless_from is not None and len(self.made) >= self.endless_from
         while endless:
+            self.waiting()
             if stop is not None and stop():
                 raise KeyboardInterrupt
         result = simulated(run, self.factor)
@@ -136,8 +142,8 @@ def _phase(phase, name, iteration, work, span, p, dash, queue, fine):
     overhead = work // 60 if fine else work // 150
     stall = (work // 4 if dash else 0) * (2 if fine and dash else 1)
     barrier = (3 if queue else 11) * int(math.log2(p) + 1)
-    time = max((work + overhead + stall) // p, span) + span // 2 + barrier
-    total = p * time
+    spent = max((work + overhead + stall) // p, span) + span // 2 + barrier
+    total = p * spent
     rest = total - work - overhead - stall
     steal = 0 if queue else rest // 3
     barrier = rest // 4
@@ -147,7 +153,7 @@ def _phase(phase, name, iteration, work, span, p, dash, queue, fine):
         "phase": phase,
         "name": name,
         "iteration": iteration,
-        "time": time,
+        "time": spent,
         "span": span,
         "causes": dict(zip(CAUSES, values, strict=True)),
         "events": 999,

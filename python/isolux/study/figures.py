@@ -81,6 +81,8 @@ _STYLE: dict[str, Any] = {
     # Equal data give equal bytes.
     "svg.hashsalt": "isolux",
 }
+#: Nothing that names a time or an address: a report needs no network.
+_NO_METADATA = {"Creator": None, "Date": None, "Format": None, "Type": None}
 #: Updates and their lines.
 UPDATES: tuple[tuple[Update, str], ...] = (("in-place", "-"), ("jacobi", "--"))
 #: Columns of a Gantt chart of a whole run, and rows of a processor in it.
@@ -95,7 +97,8 @@ def svg(figure: Figure, name: str) -> str:
     """A figure as an SVG element whose ids, which begin with `name`, clash with no other figure's."""
     buffer = io.StringIO()
     with mpl.rc_context(_STYLE):
-        figure.savefig(buffer, format="svg", metadata={"Date": None})
+        _settle(figure)
+        figure.savefig(buffer, format="svg", metadata=_NO_METADATA)
     text = buffer.getvalue()
     text = text[text.index("<svg") :]
     text = re.sub(r'\bid="', f'id="{name}-', text)
@@ -107,6 +110,7 @@ def png(figure: Figure) -> bytes:
     """A figure as PNG."""
     buffer = io.BytesIO()
     with mpl.rc_context(_STYLE):
+        _settle(figure)
         figure.savefig(buffer, format="png", dpi=160, metadata={"Software": None})
     return buffer.getvalue()
 
@@ -578,6 +582,13 @@ def _figure(height: float) -> Figure:
     figure = Figure(figsize=(_WIDTH, height), layout="constrained")
     figure.set_layout_engine("constrained", w_pad=0.06, h_pad=0.06, wspace=0.03, hspace=0.03)
     return figure
+
+
+def _settle(figure: Figure) -> None:
+    """Lay a figure out once for all of its files; that takes as long as drawing it."""
+    if figure.get_layout_engine() is not None:
+        figure.draw_without_rendering()
+        figure.set_layout_engine("none")
 
 
 def _legend(figure: Figure, handles: Sequence[Any], columns: int) -> None:

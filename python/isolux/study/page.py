@@ -124,7 +124,7 @@ def _block(block: Block) -> str:
             return f"<p>{_escape(text)}</p>"
         case Drawing(name, svg, caption, words):
             return (
-                f'<figure id="{name}"><div class="sheet">{svg}</div><figcaption>{_escape(caption)} '
+                f'<figure id="drawing-{name}"><div class="sheet">{svg}</div><figcaption>{_escape(caption)} '
                 f'<a href="figures/{name}.svg">SVG</a> <a '
                 f'href="figures/{name}.png">PNG</a></figcaption></figure>\n'
                 f"{_words(words)}"

@@ -100,7 +100,7 @@ class Jobs:
             while count < len(jobs):
                 self._show(State(self._phase, finished / total, f"{made + count:,} of {made + len(jobs):,}"))
                 if self._stopped():
-                    raise Stopped(made + count, made + len(jobs))
+                    break
                 try:
                     job, answer = done.get(timeout=_LOOK_EVERY)
                 except queue.Empty:
@@ -115,7 +115,9 @@ class Jobs:
             stop.set()
             for worker in workers:
                 worker.join()
-            _keep_what_is_left(done)
+            count += _keep_what_is_left(done)
+        if count < len(jobs):
+            raise Stopped(made + count, made + len(jobs))
 
 
 def _work(
@@ -137,12 +139,15 @@ def _work(
         done.put((job, answer))
 
 
-def _keep_what_is_left(done: queue.SimpleQueue[tuple[Job, str | BaseException]]) -> None:
-    """Keep what was ready, but not looked at, when a sweep ended."""
+def _keep_what_is_left(done: queue.SimpleQueue[tuple[Job, str | BaseException]]) -> int:
+    """Keep what was ready, but not looked at, when a sweep ended; return how many."""
+    kept = 0
     while not done.empty():
         job, answer = done.get()
         if isinstance(answer, str):
             job.keep(answer)
+            kept += 1
+    return kept
 
 
 def make(

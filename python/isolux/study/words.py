@@ -266,8 +266,8 @@ def bsp(data: Data) -> str:
         shares = [percent(curve.time(p, phase) / curve.time(p)) for p in (1, last)]
         parts.append(
             f"{name} on {last:,} processors is {_times(curve.speedup(last, phase))} than on one, at best "
-            f"{_times(curve.speedup(best, phase))} (p = {best:,}); it takes {shares[1]} of the whole run, and "
-            f"{shares[0]} on one."
+            f"{_times(curve.speedup(best, phase))} (p = {best:,}); it takes {shares[1]} of the whole run, "
+            f"and {shares[0]} on one."
         )
     plain, parallel = bsp_curves(data)
     if plain is not None and parallel is not None:
