@@ -150,6 +150,24 @@ def test_options_reach_the_runs(study, fake, tmp_path):
     assert "mine" in common["machines"]
 
 
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        "--processors 1",
+        "--processors 3,5",
+        "--schedule wavefront --processors 64",
+        "--schedule sbpram --schedule wavefront --processors 2048",
+        "--figure 6 --processors 16384",
+        "--figure 5 --schedule wavefront",
+    ],
+)
+def test_a_part_of_a_study_makes_a_report(study, tmp_path, arguments):
+    """Catches a section that fails for want of runs that were not asked for."""
+    code, _, err = study("--quick", *arguments.split())
+    assert code == 0, err
+    assert '<section id="claims">' in (tmp_path / "report" / "index.html").read_text(encoding="utf-8")
+
+
 def test_json_tells_what_was_made(study, tmp_path):
     """Catches words mixed into JSON, and a summary without verdicts."""
     code, out, err = study("--quick", "--figure", "7", "--json", "-")

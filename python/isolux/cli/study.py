@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 import typer
 
 import isolux
-from isolux.cli.options import Jobs, JsonTarget, ProgressOption, Units, load_scene, write_json
+from isolux.cli.options import Jobs, JsonTarget, ProgressMode, ProgressOption, Units, load_scene, write_json
 from isolux.cli.progress import showing
 from isolux.cli.terminal import Interrupts, interrupts, say
 from isolux.study import plan as plans
@@ -32,8 +32,6 @@ __all__ = ["study"]
 Word = TypeVar("Word", bound=str)
 
 CANCELLED = 130
-#: The order of insertion of all curves, sorted beforehand as in the paper.
-_ORDER = "fewest-cuts"
 
 
 def study(
@@ -118,12 +116,11 @@ def study(
         store.open(overwrite=overwrite)
         hand.keep()
         study = _Study(loaded, wish, store, hand, threads)
-        with showing(progress) as hear:
-            try:
-                data = study.make(runs, orders, hear)
-            except sweep.Stopped as stopped:
-                say(f"cancelled: {stopped}; the same command goes on from there")
-                return CANCELLED
+        try:
+            data = study.make(runs, orders, progress)
+        except sweep.Stopped as stopped:
+            say(f"cancelled: {stopped}; the same command goes on from there")
+            return CANCELLED
         page = report.write(data, wish, store)
         return _show(page, data, study, json)
 
@@ -144,19 +141,20 @@ class _Study:
         #: Runs that were made now, not found.
         self.simulated = 0
 
-    def make(self, runs: list[Run], orders: int | None, hear: Callable[[sweep.State], None] | None) -> Data:
+    def make(self, runs: list[Run], orders: int | None, progress: ProgressMode) -> Data:
         """Have made what is missing: with `orders` those orders alone, else all runs and the usual orders."""
         level = self._wish.level
         problem = self._problem("1")
         results: dict[Run, Result]
         if orders is None:
-            results, self.simulated = sweep.make(
-                runs,
-                self._store,
-                problem=lambda share: problem if share == "1" else self._problem(share),
-                machines=self._wish.machines,
-                jobs=self._jobs("runs", hear),
-            )
+            with showing(progress) as hear:
+                results, self.simulated = sweep.make(
+                    runs,
+                    self._store,
+                    problem=lambda share: problem if share == "1" else self._problem(share),
+                    machines=self._wish.machines,
+                    jobs=self._jobs("runs", hear),
+                )
             # What --orders asked for before is there, or is made now.
             wanted = max(level.orders, self._store.orders_asked()) if self._wish.wants(None) else 0
         else:
@@ -166,13 +164,15 @@ class _Study:
             self._store.ask_orders(wanted)
         more = wanted > level.orders or orders is not None
         worked = min(wanted, level.most_worked_orders if more else level.worked_orders)
-        counted = sweep.count_orders(
-            sweep.order_batches(wanted, worked) if wanted else [],
-            self._store,
-            scene=self._scene._inner,
-            level=level,
-            jobs=self._jobs("orders", hear),
-        )
+        # A progress of its own: its time left is reckoned from its own beginning.
+        with showing(progress) as hear:
+            counted = sweep.count_orders(
+                sweep.order_batches(wanted, worked) if wanted else [],
+                self._store,
+                scene=self._scene._inner,
+                level=level,
+                jobs=self._jobs("orders", hear),
+            )
         return Data(
             scene=self._scene.name,
             scene_hash=self._scene.hash,
@@ -187,7 +187,7 @@ class _Study:
     def _problem(self, share: str) -> Any:  # noqa: ANN401
         settings = {
             **self._wish.level.epsilons[share].to_dict(),
-            "order": _ORDER,
+            "order": size.ORDER,
             "seed": 0,
             "roots": "fragments",
         }

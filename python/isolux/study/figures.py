@@ -184,17 +184,17 @@ def figure_6_left(data: Data) -> Figure:
         for curve in data.headline_curves(machine)
         if curve.schedule != "wavefront" and (curve.schedule, machine) != ("sbpram", SB_PRAM)
     ]
-    return _speedups(curves, most=64, limits=False, stars=False)
+    return _speedups(curves, most=64, stars=False)
 
 
 def figure_6_right(data: Data) -> Figure:
     """Many processors on the SB-PRAM, with limits and the paper's two figures."""
-    return _speedups(data.headline_curves(), most=1 << 30, limits=True, stars=True)
+    return _speedups(data.headline_curves(), most=1 << 30, stars=True)
 
 
 def further(data: Data, machine: str) -> Figure:
     """A machine that the user added."""
-    return _speedups(data.headline_curves(machine), most=1 << 30, limits=True, stars=False)
+    return _speedups(data.headline_curves(machine), most=1 << 30, stars=False)
 
 
 def ablation(data: Data) -> Figure:
@@ -525,8 +525,8 @@ def misses(data: Data) -> Figure:
     return figure
 
 
-def _speedups(curves: list[Curve], *, most: int, limits: bool, stars: bool) -> Figure:
-    """Speedup, both axes logarithmic, and efficiency."""
+def _speedups(curves: list[Curve], *, most: int, stars: bool) -> Figure:
+    """Speedup, both axes logarithmic, and efficiency; with what each run's own task graph allows."""
     figure = _figure(3.7)
     left, right = figure.subplots(1, 2)
     handles: list[Any] = []
@@ -537,16 +537,15 @@ def _speedups(curves: list[Curve], *, most: int, limits: bool, stars: bool) -> F
         left.plot(p, [curve.speedup(count) for count in p], **_line(curve))
         right.plot(p, [curve.efficiency(count) for count in p], **_line(curve))
         handles.append(_handle(curve))
-        if limits:
-            bound = {"color": SCHEDULE_COLOURS[curve.schedule], "linewidth": 0.9, "linestyle": ":"}
-            left.plot(p, [curve.limit(count) for count in p], **bound)
-            right.plot(p, [curve.limit(count) / count for count in p], **bound)
+        # Of the schedule's colour, but thin: it is no measurement.
+        bound = {"color": SCHEDULE_COLOURS[curve.schedule], "linewidth": 0.9, "linestyle": ":"}
+        left.plot(p, [curve.limit(count) for count in p], **bound)
+        right.plot(p, [curve.limit(count) / count for count in p], **bound)
     left.plot([1, largest], [1, largest], color=GREY, linewidth=0.8)
     right.axhline(1.0, color=GREY, linewidth=0.8)
     handles.append(Line2D([], [], color=GREY, linewidth=0.8, label="ideal"))
-    if limits:
-        label = "limit: work and critical path"
-        handles.append(Line2D([], [], color="black", linewidth=0.9, linestyle=":", label=label))
+    label = "limit: work and critical path"
+    handles.append(Line2D([], [], color="black", linewidth=0.9, linestyle=":", label=label))
     if stars and largest >= 1024:
         for schedule, speedup in paper.SPEEDUP_1024.items():
             mark: dict[str, Any] = {"marker": "*", "markersize": 10, "color": "white"}

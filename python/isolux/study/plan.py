@@ -217,7 +217,7 @@ def curves_of_figure_6(machine: str) -> Sequence[tuple[Schedule, int]]:
 
 def _figure_5(wish: Wish) -> list[Run]:
     return [
-        Run.of(SB_PRAM, schedule, GANTT_PROCESSORS, trace=True)
+        Run.of(SB_PRAM, schedule, GANTT_PROCESSORS, size=size.TRACED, trace=True)
         for schedule in ("splash", "sbpram")
         if wish.machines[SB_PRAM].processors_max >= GANTT_PROCESSORS
     ]

@@ -132,11 +132,12 @@ class _Maker:
         if result is None:
             raise UsageError(f"{run.key}: its file vanished while the report was written")
         trace = f"traces/{run.schedule}.json"
+        of = "" if run.size == "1" else f", at {run.size} of the study's work"
         self._store.write_bytes(trace, perfetto(run, result))
         return self._draw(
             f"figure-5-{run.schedule}",
             self._figures.gantt(result),
-            f"{run}: what each processor does. {trace} holds every task, for ui.perfetto.dev.",
+            f"{run}: what each processor does{of}. {trace} holds every task, for ui.perfetto.dev.",
             words.gantt(run.schedule, result),
         )
 
@@ -144,7 +145,11 @@ class _Maker:
         data = self._data
         blocks: list[Block] = []
         if data.curve(SB_PRAM, "splash") is not None and data.curve(DASH, "splash") is not None:
-            caption = "Speedup and efficiency of splash on SB-PRAM and DASH, and of sbpram on DASH."
+            caption = (
+                "Speedup and efficiency of splash on SB-PRAM and DASH, and of sbpram on DASH. Dotted: the "
+                "bound "
+                "from each run's own task graph."
+            )
             blocks.append(
                 self._draw(
                     "figure-6-left", self._figures.figure_6_left(data), caption, words.figure_6_left(data)
@@ -220,7 +225,9 @@ class _Maker:
                 "B-tasks, one after the other, against B'-tasks in parallel; nothing else is in the phase."
             )
             blocks.append(self._draw("bsp", self._figures.bsp(data), caption, words.bsp(data)))
-        blocks += [self._steals(), self._lines()]
+        if data.curve(SB_PRAM, "splash") is not None:
+            blocks.append(self._steals())
+        blocks.append(self._lines())
         return Section("table-1", "Table 1 taken apart", blocks)
 
     def _speedups_by_switch(self) -> Table:

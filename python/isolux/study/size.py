@@ -9,9 +9,11 @@ __all__ = [
     "DASH_PROCESSORS",
     "FULL",
     "FURTHER_PROCESSORS",
+    "ORDER",
     "QUICK",
     "SB_PRAM_PROCESSORS",
     "SIZES",
+    "TRACED",
     "Epsilons",
     "Level",
     "of_scene",
@@ -76,6 +78,7 @@ class Level:
         """What decides whether two studies have the same settings."""
         return {
             "level": self.name,
+            "order": ORDER,
             "epsilons": {size: values.to_dict() for size, values in self.epsilons.items()},
             "coarse": self.coarse.to_dict(),
         }
@@ -83,6 +86,11 @@ class Level:
 
 #: Sizes at which efficiency is compared, smallest first; shares of the study's work.
 SIZES = ("1/4", "1", "4")
+
+#: Order of insertion of all curves: sorted beforehand, as in the paper, in no time that is counted.
+ORDER = "fewest-cuts"
+#: Size of the runs that are traced: a trace holds every task, and a whole study's would be too large to open.
+TRACED = "1/4"
 
 #: Epsilons of the room. They are chosen from counts on one processor alone: the initial pairs are 7 % of the
 #: optimised version's time there, as in the paper.
