@@ -37,7 +37,7 @@ CANCELLED = 130
 def study(
     scene: Annotated[
         Path | None,
-        typer.Argument(metavar="[SCENE]", help="glTF (.glb, .gltf) or OBJ.  [default: isolux's own room]"),
+        typer.Argument(metavar="SCENE", help="glTF (.glb, .gltf) or OBJ.  [default: isolux's own room]"),
     ] = None,
     out: Annotated[
         Path, typer.Option("-o", "--output", metavar="FOLDER", help="The report's folder.")

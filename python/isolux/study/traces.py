@@ -20,33 +20,25 @@ Slice = tuple[int, int, int, str, str]
 def perfetto(run: Run, result: Result) -> bytes:
     """Make a trace that ui.perfetto.dev opens: one strictly nested track per processor, no arrows.
 
-    Every phase is a slice over all of its tasks. Timestamps are integers and count the machine's unit; the
-    viewer shows them as microseconds, which the metadata say.
+    The phases have a track of their own, above the processors'. Timestamps are integers and count the
+    machine's unit; the viewer shows them as microseconds, which the metadata say.
 
     Raises
     ------
     InternalError
         Where two slices of a processor overlap, of which none holds the other.
     """
-    events: list[dict[str, Any]] = [
-        _named("process_name", {"name": str(run)}),
-        *(
-            _named("thread_name", {"name": f"processor {processor}"}, processor)
-            for processor in range(run.processors)
-        ),
-        *(
-            _named("thread_sort_index", {"sort_index": processor}, processor)
-            for processor in range(run.processors)
-        ),
-    ]
-    phases = phase_spans(result)
-    by_processor: list[list[Slice]] = [
-        [(processor, start, end, "phase", name) for name, start, end in phases]
-        for processor in range(run.processors)
-    ]
+    phases = run.processors
+    names = [*(f"processor {processor}" for processor in range(run.processors)), "phases"]
+    events: list[dict[str, Any]] = [_named("process_name", {"name": str(run)})]
+    for track, name in enumerate(names):
+        events.append(_named("thread_name", {"name": name}, track))
+        events.append(_named("thread_sort_index", {"sort_index": -1 if track == phases else track}, track))
+    tracks: list[list[Slice]] = [[] for _ in names]
+    tracks[phases] = [(phases, start, end, "phase", name) for name, start, end in phase_spans(result)]
     for entry in result.trace:
-        by_processor[entry[0]].append(entry)
-    for slices in by_processor:
+        tracks[entry[0]].append(entry)
+    for slices in tracks:
         events += _track(run, slices)
     metadata = {
         "clock": f"1 timestamp is 1 {result.unit} of the simulated machine, not a microsecond",
