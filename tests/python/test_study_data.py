@@ -213,6 +213,16 @@ def test_speedup_limit_and_extra_work_by_hand():
     assert curve.lossy_phase(4) == ("b", 130 / 146)
 
 
+def test_waits_for_memory_count_as_cost_in_the_limit():
+    """Catches a limit beyond the ideal line on a machine with caches, whose time on one is mostly waits."""
+    run = Run.of(DASH, "splash", 1)
+    one, several = result(run), result(dataclasses.replace(run, processors=16))
+    curve = Curve(DASH, "splash", "default", "in-place", "1", {1: one, 16: several})
+    assert sum(phase.causes["stall"] for phase in one.phases) > 0.1 * one.time
+    assert 1.0 <= curve.limit(1) < 1.02
+    assert curve.speedup(16) <= curve.limit(16) < 16.5
+
+
 def test_tables_hold_what_the_runs_say(whole):
     """Catches a table that drops a phase, a cause, a curve, or divides by another variant's time."""
     speedup, losses = rows(tables.speedup(whole)), rows(tables.losses(whole))

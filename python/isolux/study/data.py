@@ -68,7 +68,7 @@ class Curve:
         return self.speedup(processors, phase, without) / processors
 
     def limit(self, processors: int, without: str | None = None) -> float:
-        """The speedup that the run's own graphs allow: no phase takes less than work/p, nor than its span."""
+        """The speedup that the run's own graphs allow: no phase beats its cost/p, nor its span."""
         least = self.results[processors].least_time(without)
         return self.time(1, None, without) / least if least else float("nan")
 

@@ -159,7 +159,7 @@ class _Maker:
             caption = (
                 "Speedup and efficiency on the SB-PRAM. Dotted: the bound from each run's own task graph, "
                 "in each "
-                "phase the larger of work per processor and critical path."
+                "phase the larger of cost per processor and critical path."
             )
             blocks.append(
                 self._draw(

@@ -265,9 +265,15 @@ class Result:
         return {cause: sum(entry.causes[cause] for entry in chosen) for cause in CAUSES}
 
     def least_time(self, without: str | None = None) -> float:
-        """What no schedule of these phases can beat: the larger of work per processor and span, in each."""
+        """What no schedule of these phases can beat: the larger of cost per processor and span, in each.
+
+        What tasks cost is their work and, as the run's memory was, their waits for it: without these a
+        machine with caches would seem to have a limit beyond the ideal one.
+        """
         return sum(
-            max(entry.work / self.processors, entry.span) for entry in self.phases if entry.phase != without
+            max((entry.work + entry.causes["stall"]) / self.processors, entry.span)
+            for entry in self.phases
+            if entry.phase != without
         )
 
     @property
