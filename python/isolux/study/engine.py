@@ -10,10 +10,7 @@ from isolux import _isolux
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-__all__ = ["Engine", "Problem", "Stop", "engine", "orders"]
-
-#: Asked now and then by a simulation; True ends it.
-Stop = "Callable[[], bool]"
+__all__ = ["Engine", "Problem", "engine", "orders"]
 
 
 class Problem(Protocol):
@@ -23,7 +20,7 @@ class Problem(Protocol):
         """JSON: polygons, roots, root pairs, order."""
 
     def simulate(self, run: str, stop: Callable[[], bool] | None = None, /) -> str:
-        """Run once; JSON in, JSON out. Ends early, by an exception, where `stop` says True."""
+        """Run once; JSON in, JSON out. `stop` is asked now and then; True ends it by an exception."""
 
 
 class Engine(Protocol):
