@@ -44,7 +44,7 @@ pub enum ScheduleError {
 /// A phase, as the paper names it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PhaseName {
-    /// Its number: 1, 2, 3, or 1', 1'', 2', 3'.
+    /// Its number: 1, 2, 3, or 1', 1'', 2', 3'; a name in flat rounds, which the paper does not have.
     pub number: &'static str,
     /// What it does.
     pub title: &'static str,
@@ -200,18 +200,18 @@ impl<M: Machine, K: Pairs> Solve<'_, '_, M, K> {
     fn build(&mut self) -> Result<(), ScheduleError> {
         if let Some(flat) = self.context.flat {
             let name = |number, title| PhaseName { number, title, iteration: None };
-            phase!(self, name("1'", "tree"), 0, |worker| {
+            phase!(self, name("tree", "tree"), 0, |worker| {
                 worker.begin(0).await;
                 worker.grow_tree(&flat).await;
             });
-            phase!(self, name("1''", "initial pairs"), 0, |worker| {
+            phase!(self, name("pairs", "initial pairs"), 0, |worker| {
                 worker.begin(0).await;
                 worker.link_pairs(&flat).await;
             });
             return Ok(());
         }
         let Switches { parallel_bsp, pair_loop, .. } = self.context.switches;
-        let title = if pair_loop || parallel_bsp { "tree" } else { "tree and form factors" };
+        let title = if pair_loop || parallel_bsp { "BSP" } else { "BSP and form factors" };
         let name = self.name(["1", "1'"], parallel_bsp, title);
         let first = if parallel_bsp { Task::Partition { node: 0, first: 0 } } else { Task::Insert { at: 0 } };
         phase!(self, name, 0, |worker| {
@@ -253,7 +253,10 @@ impl<M: Machine, K: Pairs> Solve<'_, '_, M, K> {
         };
         let mut before = self.total(0, 0);
         for iteration in 0..max_iterations {
-            let name = self.name(["2", "2'"], self.context.switches.fine_tasks, "iteration");
+            let name = match self.context.flat {
+                Some(_) => PhaseName { number: "iteration", title: "iteration", iteration: None },
+                None => self.name(["2", "2'"], self.context.switches.fine_tasks, "iteration"),
+            };
             let name = PhaseName { iteration: Some(iteration + 1), ..name };
             let mean = before.mean();
             let flat = self.context.flat;
@@ -287,7 +290,10 @@ impl<M: Machine, K: Pairs> Solve<'_, '_, M, K> {
     /// Phase 3: values at vertices.
     fn interpolate(&mut self) -> Result<(), ScheduleError> {
         let in_loop = self.context.switches.interpolation_loop;
-        let name = self.name(["3", "3'"], in_loop, "interpolation");
+        let name = match self.context.flat {
+            Some(_) => PhaseName { number: "interpolation", title: "interpolation", iteration: None },
+            None => self.name(["3", "3'"], in_loop, "interpolation"),
+        };
         let last = (self.outcome.iterations.len() as u32).saturating_sub(1);
         phase!(self, name, last, |worker| {
             let roots = &worker.cx.problem.active_roots;
