@@ -85,6 +85,8 @@ pub struct Outcome {
     pub nodes: Vec<[u64; 4]>,
     /// What all processors did that machines do not count, over all phases.
     pub tally: Tally,
+    /// Bytes that the program of a processor takes while it waits: the largest of all phases.
+    pub program_bytes: usize,
 }
 
 /// Hears of every phase as it ends: its name and its run. False stops the solve.
@@ -150,13 +152,20 @@ struct Solve<'a, 'h, M, K> {
 macro_rules! phase {
     ($solve:expr, $name:expr, $iteration:expr, |$worker:ident| $body:block) => {{
         let context = &$solve.context;
-        let run = $solve.machine.run(|p| async move {
+        let program = |p| async move {
             let $worker = Worker::new(p, context, $iteration);
             $body
             $worker.tally.into_inner()
-        })?;
+        };
+        $solve.outcome.program_bytes = $solve.outcome.program_bytes.max(bytes_of(&program));
+        let run = $solve.machine.run(program)?;
         $solve.end_phase($name, run)?
     }};
+}
+
+/// Bytes of what a program makes for each processor.
+fn bytes_of<P, R>(_: &impl Fn(P) -> R) -> usize {
+    size_of::<R>()
 }
 
 impl<M: Machine, K: Pairs> Solve<'_, '_, M, K> {
