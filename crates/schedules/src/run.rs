@@ -268,22 +268,22 @@ impl<M: Machine, K: Pairs> Solve<'_, '_, M, K> {
             };
             let name = PhaseName { iteration: Some(iteration + 1), ..name };
             let mean = before.mean();
-            let flat = self.context.flat;
-            let tally = phase!(self, name, iteration, |worker| {
-                if let Some(flat) = &flat {
+            let tally = match self.context.flat {
+                Some(flat) => phase!(self, name, iteration, |worker| {
                     worker.begin_rounds().await;
-                    worker.rounds(flat).await;
-                    worker.gather_rows(flat).await;
+                    worker.rounds(&flat).await;
+                    worker.gather_rows(&flat).await;
                     worker.measure(mean).await;
-                    return worker.tally.into_inner();
-                }
-                let roots = &worker.cx.problem.active_roots;
-                worker.begin(roots.len() as u64).await;
-                worker.deal_all(roots, |_, element| Task::Refine { element }).await;
-                worker.run_tasks().await;
-                worker.barrier().await;
-                worker.measure(mean).await;
-            });
+                }),
+                None => phase!(self, name, iteration, |worker| {
+                    let roots = &worker.cx.problem.active_roots;
+                    worker.begin(roots.len() as u64).await;
+                    worker.deal_all(roots, |_, element| Task::Refine { element }).await;
+                    worker.run_tasks().await;
+                    worker.barrier().await;
+                    worker.measure(mean).await;
+                }),
+            };
             before = self.total(iteration, 1);
             let residual = f64::from_bits(self.count(Counter::Residual));
             let (links, elements) = (self.count(Counter::Links), self.count(Counter::Elements));
