@@ -1,7 +1,6 @@
 //! What a simulated machine is at a moment: words, locks, barriers, what each processor is at; operations go in as they
 //! are issued, and take effect in order.
 
-use std::cmp::Reverse;
 use std::collections::VecDeque;
 
 use isolux_machine::{
@@ -14,10 +13,11 @@ use isolux_memory::Kind;
 use super::blocks::Blocks;
 use super::event::{Event, Rank, What};
 use super::memory::Memory;
+use super::queue::Queue;
 use super::spans::Spans;
 use super::time::Time;
 use super::trace::Trace;
-use super::watch::{Queue, Sight, Until, Watches};
+use super::watch::{Sight, Until, Watches};
 
 /// What operations cost, in units, for the machine's number of processors.
 #[derive(Clone, Debug, Default)]
@@ -136,7 +136,7 @@ const ENDED: Mark = Mark::new(Cause::Idle, "ended");
 impl<M: Memory> State<M> {
     /// Bytes that a processor takes here while it waits, its program's own state not included: its slot, two events,
     /// its place among the watchers, its chain.
-    pub(super) const PARKED_BYTES: usize = size_of::<Slot>() + 2 * size_of::<Event>() + AMONG_WATCHERS + Spans::BYTES;
+    pub(super) const PARKED_BYTES: usize = size_of::<Slot>() + 2 * Queue::EVENT_BYTES + AMONG_WATCHERS + Spans::BYTES;
 
     /// Without words, with these costs.
     pub(super) fn new(costs: Costs, memory: M) -> Self {
@@ -155,7 +155,7 @@ impl<M: Memory> State<M> {
             slots: vec![],
             locks: vec![],
             barriers: vec![],
-            queue: Queue::new(),
+            queue: Queue::default(),
             watches: Watches::default(),
             polling: 0,
         }
@@ -179,7 +179,7 @@ impl<M: Memory> State<M> {
         self.blocks.clear();
         self.trace = trace.then(|| Trace::new(processors));
         self.ready = (0..processors as u32).collect();
-        self.queue.clear();
+        self.queue = Queue::default();
         (self.error, self.happened, self.polling) = (None, 0, 0);
     }
 
@@ -199,9 +199,9 @@ impl<M: Memory> State<M> {
         }
         slot.status = Status::Issued(op);
         let event = Event { time: slot.now, rank: op.rank(), processor, what: What::Operation };
-        let first = self.ready.is_empty() && self.queue.peek().is_none_or(|Reverse(next)| event < *next);
-        if !first || self.error.is_some() {
-            self.queue.push(Reverse(event));
+        let first = self.ready.is_empty() && self.error.is_none() && self.queue.announce(&event);
+        if !first {
+            self.queue.push(event);
             return None;
         }
         let outcome = self.take_effect(event.time, processor, op)?;
@@ -242,7 +242,7 @@ impl<M: Memory> State<M> {
 
     /// The next event happens. Nothing is left to happen when it gives `false`.
     pub(super) fn step(&mut self) -> bool {
-        let Some(Reverse(event)) = self.queue.pop() else { return false };
+        let Some(event) = self.queue.pop() else { return false };
         let processor = event.processor;
         match event.what {
             What::Operation => {
@@ -544,9 +544,7 @@ impl<M: Memory> State<M> {
         self.polling += usize::from(polls == 0);
         self.slots[processor as usize].polls = polls + 1;
         match now.after(cost) {
-            Some(time) => {
-                self.queue.push(Reverse(Event { time, rank: Rank::LOAD, processor, what: What::Operation }));
-            }
+            Some(time) => self.queue.push(Event { time, rank: Rank::LOAD, processor, what: What::Operation }),
             None => return self.fail(processor, Fault::Clock),
         }
         if self.ready.is_empty() && self.queue.len() == self.polling && !self.anything_to_see() {
