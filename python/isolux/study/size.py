@@ -95,9 +95,9 @@ ORDER = "fewest-cuts"
 #: Size of the runs that are traced: a trace holds every task, and a whole study's would be too large to open.
 TRACED = "1/4"
 
-#: Epsilons of the room, chosen from counts on one processor alone and before any other run: the initial pairs take
-#: 7.2 % of the optimised version's time there (the paper: 7.06 %), the BSP tree 0.012 % (the paper: 0.0085 %). At the
-#: other two sizes the work is 0.25 and 3.9 times that.
+#: Epsilons of the room, chosen from counts on one processor alone and before any other run: the initial pairs
+#: take 7.2 % of the optimised version's time there (the paper: 7.06 %), the BSP tree 0.012 % (the paper:
+#: 0.0085 %). At the other two sizes the work is 0.25 and 3.9 times that.
 _ROOM = {
     "1/4": Epsilons(bf_epsilon=0.055, area_epsilon=1e-4, energy_epsilon=0.005),
     "1": Epsilons(bf_epsilon=0.0168, area_epsilon=1e-4, energy_epsilon=0.005),
