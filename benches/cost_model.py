@@ -82,7 +82,7 @@ def main() -> int:
 
 def say(line: str) -> None:
     """A line to stderr."""
-    print(line, file=sys.stderr)  # noqa: T201
+    print(line, file=sys.stderr)
 
 
 def run(*command: str | Path) -> str:
