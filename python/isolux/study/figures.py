@@ -478,14 +478,32 @@ def size(data: Data) -> Figure:
     return figure
 
 
+#: Data structures that have a colour of their own in the figure of misses.
+_STRUCTURES = 8
+
+
 def misses(data: Data) -> Figure:
     """Misses on DASH at the largest number of processors, by data structure and by kind."""
     curves = [curve for curve in data.headline_curves(DASH) if curve.results[curve.processors[-1]].misses]
-    figure = _figure(1.2 + 0.42 * max(len(curves), 2))
+    figure = _figure(2.6 + 0.42 * max(len(curves), 2))
     panels = figure.subplots(1, 2, sharey=True)
     found = [curve.results[curve.processors[-1]].misses for curve in curves]
-    structures = list(dict.fromkeys(name for entry in found for name in entry))
     kinds = MISS_KINDS[:4]
+    by_structure: dict[str, int] = {}
+    for entry in found:
+        for name, values in entry.items():
+            by_structure[name] = by_structure.get(name, 0) + sum(values.get(kind, 0) for kind in kinds)
+    # The many small ones share a colour.
+    named = sorted(by_structure, key=lambda name: -by_structure[name])[:_STRUCTURES]
+    others = "others"
+    structures = [*named, *([others] if len(by_structure) > len(named) else [])]
+
+    def of_structure(entry: dict[str, dict[str, int]], name: str) -> int:
+        chosen = [
+            values for key, values in entry.items() if key == name or (name == others and key not in named)
+        ]
+        return sum(values.get(kind, 0) for values in chosen for kind in kinds)
+
     # Blues and browns in turn: structures are many and have no order.
     tints = [
         "#332288",
@@ -499,11 +517,7 @@ def misses(data: Data) -> Figure:
         "#AA4499",
     ]
     groups: list[tuple[str, Sequence[str], Any]] = [
-        (
-            "by data structure",
-            structures,
-            lambda entry, name: sum(entry.get(name, {}).get(k, 0) for k in kinds),
-        ),
+        ("by data structure", structures, of_structure),
         ("by kind", kinds, lambda entry, kind: sum(values.get(kind, 0) for values in entry.values())),
     ]
     for axes, (title, names, count) in zip(panels, groups, strict=True):
@@ -511,7 +525,7 @@ def misses(data: Data) -> Figure:
         for index, name in enumerate(names):
             widths = np.array([count(entry, name) for entry in found], dtype=float)
             shift = 0 if axes is panels[0] else 5
-            colour = tints[(index + shift) % len(tints)]
+            colour = "#BBBBBB" if name == others else tints[(index + shift) % len(tints)]
             axes.barh(np.arange(len(curves)), widths, 0.7, left, color=colour, label=name)
             left += widths
         axes.set_yticks(range(len(curves)), [curve.name for curve in curves])
@@ -520,7 +534,7 @@ def misses(data: Data) -> Figure:
         axes.set_xlabel("misses")
         axes.xaxis.set_major_formatter(FuncFormatter(_short))
         axes.grid(visible=False, axis="y")
-        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.42 / max(len(curves) / 3, 1)), ncol=2)
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.95 / max(len(curves), 2)), ncol=2)
     panels[1].invert_yaxis()
     return figure
 
