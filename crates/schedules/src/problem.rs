@@ -45,7 +45,7 @@ type PieceKey = (u32, Vec<[u64; 3]>);
 pub struct Problem<'a> {
     /// The scene.
     pub scene: &'a Scene,
-    /// Its tree, for the rays of kernels; the one that tasks build is compared with it.
+    /// Its tree, for the rays of kernels; the one that tasks build is compared with it (D30).
     pub bsp: &'a Bsp,
     /// Thresholds and kernels.
     pub parameters: Parameters,

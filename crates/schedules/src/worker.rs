@@ -153,7 +153,7 @@ impl<'a, P: Processor, K: Pairs> Worker<'a, P, K> {
         p.touch(store.fragments, 16, &touched.fragments).await;
     }
 
-    /// Reserves records; `None` when there is no room, which ends the run with an error once it is over.
+    /// Reserves records by multiprefix, where SPLASH-2's program takes one at a time under a global lock (D29); `None` when there is no room, which ends the run with an error once it is over.
     pub(crate) async fn reserve(&self, counter: Counter, count: u64, limit: u64) -> Option<u32> {
         let first = self.p.prefix(Prefix::Add, self.cx.store.counter(counter), count).await;
         if first + count > limit {

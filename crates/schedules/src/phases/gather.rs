@@ -29,6 +29,7 @@ impl<P: Processor, K: Pairs> Worker<'_, P, K> {
                 self.read_list(first).await
             }
         };
+        // D31: what is summed in one order gives one sum.
         if !links.is_sorted_by_key(|entry| entry.path) {
             links.sort_unstable_by_key(|entry| entry.path);
             let count = links.len() as u64;
