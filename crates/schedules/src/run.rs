@@ -85,6 +85,8 @@ pub struct Outcome {
     pub nodes: Vec<[u64; 4]>,
     /// What all processors did that machines do not count, over all phases.
     pub tally: Tally,
+    /// Bytes that the program of a processor takes while it waits: the largest of all phases.
+    pub program_bytes: usize,
 }
 
 /// Hears of every phase as it ends: its name and its run. False stops the solve.
@@ -150,13 +152,20 @@ struct Solve<'a, 'h, M, K> {
 macro_rules! phase {
     ($solve:expr, $name:expr, $iteration:expr, |$worker:ident| $body:block) => {{
         let context = &$solve.context;
-        let run = $solve.machine.run(|p| async move {
+        let program = |p| async move {
             let $worker = Worker::new(p, context, $iteration);
             $body
             $worker.tally.into_inner()
-        })?;
+        };
+        $solve.outcome.program_bytes = $solve.outcome.program_bytes.max(bytes_of(&program));
+        let run = $solve.machine.run(program)?;
         $solve.end_phase($name, run)?
     }};
+}
+
+/// Bytes of what a program makes for each processor.
+fn bytes_of<P, R>(_: &impl Fn(P) -> R) -> usize {
+    size_of::<R>()
 }
 
 impl<M: Machine, K: Pairs> Solve<'_, '_, M, K> {
@@ -259,22 +268,22 @@ impl<M: Machine, K: Pairs> Solve<'_, '_, M, K> {
             };
             let name = PhaseName { iteration: Some(iteration + 1), ..name };
             let mean = before.mean();
-            let flat = self.context.flat;
-            let tally = phase!(self, name, iteration, |worker| {
-                if let Some(flat) = &flat {
+            let tally = match self.context.flat {
+                Some(flat) => phase!(self, name, iteration, |worker| {
                     worker.begin_rounds().await;
-                    worker.rounds(flat).await;
-                    worker.gather_rows(flat).await;
+                    worker.rounds(&flat).await;
+                    worker.gather_rows(&flat).await;
                     worker.measure(mean).await;
-                    return worker.tally.into_inner();
-                }
-                let roots = &worker.cx.problem.active_roots;
-                worker.begin(roots.len() as u64).await;
-                worker.deal_all(roots, |_, element| Task::Refine { element }).await;
-                worker.run_tasks().await;
-                worker.barrier().await;
-                worker.measure(mean).await;
-            });
+                }),
+                None => phase!(self, name, iteration, |worker| {
+                    let roots = &worker.cx.problem.active_roots;
+                    worker.begin(roots.len() as u64).await;
+                    worker.deal_all(roots, |_, element| Task::Refine { element }).await;
+                    worker.run_tasks().await;
+                    worker.barrier().await;
+                    worker.measure(mean).await;
+                }),
+            };
             before = self.total(iteration, 1);
             let residual = f64::from_bits(self.count(Counter::Residual));
             let (links, elements) = (self.count(Counter::Links), self.count(Counter::Elements));

@@ -44,6 +44,8 @@ GANTT_PROCESSORS = 4
 #: Where the paper's Figure 7 stands, and where modifications are taken apart.
 HEADLINE = 1024
 ABLATION_PROCESSORS = (64, 256, 1024)
+#: The finest grain is compared up to where the paper's figure ends.
+FINEST_MOST = 2048
 #: DASH counts each miss: its runs take several times as long.
 _SECONDS = {SB_PRAM: 4.0, DASH: 25.0}
 _OTHER_SECONDS = 12.0
@@ -146,6 +148,7 @@ class Wish:
         if self.processors is not None:
             return tuple(sorted({1, *(count for count in self.processors if count <= most)}))
         usual = {SB_PRAM: size.SB_PRAM_PROCESSORS, DASH: size.DASH_PROCESSORS}
+        most = min(most, self.level.most_processors)
         counts = [count for count in usual.get(machine, size.FURTHER_PROCESSORS) if count <= most]
         every = self.level.every
         # What tables stand on is there at any pace.
@@ -229,6 +232,7 @@ def _figure_6(wish: Wish) -> list[Run]:
         for machine in wish.machines
         for schedule, grain in curves_of_figure_6(machine)
         for count in wish.counts(machine)
+        if grain != FINEST_GRAIN or count <= FINEST_MOST or wish.processors is not None
     ]
 
 
@@ -253,10 +257,12 @@ def _ablation(wish: Wish) -> list[Run]:
 
 
 def _jacobi(wish: Wish) -> list[Run]:
+    counts = wish.counts(SB_PRAM)
+    few = [count for count in counts if count == 1 or count in ABLATION_PROCESSORS]
     return [
         Run.of(SB_PRAM, schedule, count, update="jacobi")
         for schedule in ("splash", "sbpram")
-        for count in wish.counts(SB_PRAM)
+        for count in (few if wish.level.every > 1 and wish.processors is None else counts)
     ]
 
 

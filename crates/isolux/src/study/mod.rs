@@ -93,7 +93,10 @@ impl From<ScheduleError> for StudyError {
 
 impl From<RunError> for StudyError {
     fn from(error: RunError) -> StudyError {
-        StudyError::Internal { what: error.to_string() }
+        match error {
+            RunError::Stopped => StudyError::Stopped,
+            error => StudyError::Internal { what: error.to_string() },
+        }
     }
 }
 

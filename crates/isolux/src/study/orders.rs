@@ -6,7 +6,6 @@ use isolux_core::solution::{Roots, Update};
 use isolux_core::tree::{Bsp, InsertionOrder};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 /// Which orders are to be counted.
@@ -91,7 +90,7 @@ fn count(scene: &Arc<Scene>, order: InsertionOrder, coarse: Option<Coarse>) -> R
             processors: 1,
             trace: false,
         };
-        let result = StudyProblem::new(Arc::clone(scene), settings)?.simulate(&run, &AtomicBool::new(false))?;
+        let result = StudyProblem::new(Arc::clone(scene), settings)?.simulate(&run, &Arc::default())?;
         counted.work = Some(result.phases.iter().map(|phase| phase.causes["work"]).sum());
         counted.links = Some(result.links);
     }

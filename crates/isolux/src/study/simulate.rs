@@ -8,6 +8,7 @@ use isolux_machine::{Cause, ClockUnit, Counts, Machine, Run, Sequential, Threads
 use isolux_schedules::{CLASSES, Direct, Outcome, Pairs, PhaseName, Problem, Remembered, Schedule, Sizes, Tally, run};
 use isolux_simulator::{CacheSimulator, Memory, Simulator, SimulatorOf, Trace};
 use std::collections::BTreeMap;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::Instant;
 
@@ -80,7 +81,7 @@ impl StudyProblem {
     /// # Errors
     ///
     /// A machine that cannot be had, a problem too large, and a run that was stopped.
-    pub fn simulate(&self, request: &RunRequest, stop: &AtomicBool) -> Result<RunResult, StudyError> {
+    pub fn simulate(&self, request: &RunRequest, stop: &Arc<AtomicBool>) -> Result<RunResult, StudyError> {
         let since = Instant::now();
         let schedule = request.schedule();
         // Flat rounds read the last iteration's values by nature.
@@ -104,12 +105,16 @@ impl StudyProblem {
                 let spec = machine_spec(other)?;
                 spec.name().clone_into(&mut name);
                 if spec.caches().is_some() {
-                    let machine = CacheSimulator::new(&spec, request.processors, &CLASSES)?.traced(request.trace);
+                    let machine = CacheSimulator::new(&spec, request.processors, &CLASSES)?
+                        .traced(request.trace)
+                        .stopped_by(Arc::clone(stop));
                     let (machine, outcome) = self.drive(machine, &problem, remembered, schedule, &mut heap, stop)?;
                     misses = misses_of(&machine);
                     outcome
                 } else {
-                    let machine = Simulator::new(&spec, request.processors, &CLASSES)?.traced(request.trace);
+                    let machine = Simulator::new(&spec, request.processors, &CLASSES)?
+                        .traced(request.trace)
+                        .stopped_by(Arc::clone(stop));
                     self.drive(machine, &problem, remembered, schedule, &mut heap, stop)?.1
                 }
             }
@@ -125,7 +130,7 @@ impl StudyProblem {
         pairs: K,
         schedule: Schedule,
         heap: &mut Heap,
-        stop: &AtomicBool,
+        stop: &Arc<AtomicBool>,
     ) -> Result<(M, Outcome), StudyError> {
         let sizes = Sizes {
             elements: ELEMENTS,

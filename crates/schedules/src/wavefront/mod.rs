@@ -138,7 +138,9 @@ impl<P: Processor, K: Pairs> Worker<'_, P, K> {
         if self.is_first() {
             self.cx.loops[FIRST_TURN + (turn + 2) % turns].reset(&self.p).await;
         }
-        parallel_for(&self.p, &self.cx.loops[FIRST_TURN + turn % turns], end, chunk, body).await;
+        let indices = &self.cx.loops[FIRST_TURN + turn % turns];
+        // On the heap, and gone before the barrier: processors that wait there are small.
+        Box::pin(parallel_for(&self.p, indices, end, chunk, body)).await;
     }
 
     /// The same, and everyone waits for everyone.

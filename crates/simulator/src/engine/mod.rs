@@ -6,6 +6,7 @@ mod event;
 mod memory;
 mod phases;
 mod processor;
+mod queue;
 mod simulator;
 mod spans;
 mod state;

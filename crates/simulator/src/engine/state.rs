@@ -1,8 +1,9 @@
 //! What a simulated machine is at a moment: words, locks, barriers, what each processor is at; operations go in as they
 //! are issued, and take effect in order.
 
-use std::cmp::Reverse;
 use std::collections::VecDeque;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 use isolux_machine::{
     Address, BLOCK_WORDS, BarrierId, ByCause, Cause, Counts, Fault, LockId, Mark, Prefix, Region, RunError, Sequence,
@@ -14,10 +15,11 @@ use isolux_memory::Kind;
 use super::blocks::Blocks;
 use super::event::{Event, Rank, What};
 use super::memory::Memory;
+use super::queue::Queue;
 use super::spans::Spans;
 use super::time::Time;
 use super::trace::Trace;
-use super::watch::{Queue, Sight, Until, Watches};
+use super::watch::{Sight, Until, Watches};
 
 /// What operations cost, in units, for the machine's number of processors.
 #[derive(Clone, Debug, Default)]
@@ -111,6 +113,8 @@ pub(super) struct State<M> {
     pub(super) blocks: Blocks,
     pub(super) spans: Spans,
     pub(super) every_poll: bool,
+    /// Ends the run with an error when it is set.
+    pub(super) stop: Option<Arc<AtomicBool>>,
     pub(super) trace: Option<Trace>,
     pub(super) error: Option<RunError>,
     /// Processors whose programs can go on.
@@ -130,13 +134,16 @@ pub(super) struct State<M> {
 /// bytes each).
 const AMONG_WATCHERS: usize = if Watches::GROUP_BYTES > 4 * 96 { Watches::GROUP_BYTES } else { 4 * 96 };
 
+/// Effects between two looks at whether to stop: some milliseconds.
+const ASKED_EVERY: u64 = 1 << 14;
+
 const START: Mark = Mark::new(Cause::Work, "start");
 const ENDED: Mark = Mark::new(Cause::Idle, "ended");
 
 impl<M: Memory> State<M> {
     /// Bytes that a processor takes here while it waits, its program's own state not included: its slot, two events,
     /// its place among the watchers, its chain.
-    pub(super) const PARKED_BYTES: usize = size_of::<Slot>() + 2 * size_of::<Event>() + AMONG_WATCHERS + Spans::BYTES;
+    pub(super) const PARKED_BYTES: usize = size_of::<Slot>() + 2 * Queue::EVENT_BYTES + AMONG_WATCHERS + Spans::BYTES;
 
     /// Without words, with these costs.
     pub(super) fn new(costs: Costs, memory: M) -> Self {
@@ -148,6 +155,7 @@ impl<M: Memory> State<M> {
             blocks: Blocks::default(),
             spans: Spans::default(),
             every_poll: false,
+            stop: None,
             trace: None,
             error: None,
             ready: VecDeque::new(),
@@ -155,7 +163,7 @@ impl<M: Memory> State<M> {
             slots: vec![],
             locks: vec![],
             barriers: vec![],
-            queue: Queue::new(),
+            queue: Queue::default(),
             watches: Watches::default(),
             polling: 0,
         }
@@ -179,7 +187,7 @@ impl<M: Memory> State<M> {
         self.blocks.clear();
         self.trace = trace.then(|| Trace::new(processors));
         self.ready = (0..processors as u32).collect();
-        self.queue.clear();
+        self.queue = Queue::default();
         (self.error, self.happened, self.polling) = (None, 0, 0);
     }
 
@@ -199,9 +207,9 @@ impl<M: Memory> State<M> {
         }
         slot.status = Status::Issued(op);
         let event = Event { time: slot.now, rank: op.rank(), processor, what: What::Operation };
-        let first = self.ready.is_empty() && self.queue.peek().is_none_or(|Reverse(next)| event < *next);
-        if !first || self.error.is_some() {
-            self.queue.push(Reverse(event));
+        let first = self.ready.is_empty() && self.error.is_none() && self.queue.announce(&event);
+        if !first {
+            self.queue.push(event);
             return None;
         }
         let outcome = self.take_effect(event.time, processor, op)?;
@@ -242,7 +250,7 @@ impl<M: Memory> State<M> {
 
     /// The next event happens. Nothing is left to happen when it gives `false`.
     pub(super) fn step(&mut self) -> bool {
-        let Some(Reverse(event)) = self.queue.pop() else { return false };
+        let Some(event) = self.queue.pop() else { return false };
         let processor = event.processor;
         match event.what {
             What::Operation => {
@@ -386,6 +394,10 @@ impl<M: Memory> State<M> {
     /// An operation takes effect; gives its outcome unless it has to wait.
     fn take_effect(&mut self, now: Time, processor: u32, op: Op) -> Option<u64> {
         self.happened += 1;
+        if self.happened.is_multiple_of(ASKED_EVERY) && self.stop.as_ref().is_some_and(|stop| stop.load(Relaxed)) {
+            self.error = Some(RunError::Stopped);
+            return None;
+        }
         match op {
             Op::Load(at) => {
                 let Some(word) = self.words.get(at) else { return self.fail(processor, Fault::Address(at)) };
@@ -544,9 +556,7 @@ impl<M: Memory> State<M> {
         self.polling += usize::from(polls == 0);
         self.slots[processor as usize].polls = polls + 1;
         match now.after(cost) {
-            Some(time) => {
-                self.queue.push(Reverse(Event { time, rank: Rank::LOAD, processor, what: What::Operation }));
-            }
+            Some(time) => self.queue.push(Event { time, rank: Rank::LOAD, processor, what: What::Operation }),
             None => return self.fail(processor, Fault::Clock),
         }
         if self.ready.is_empty() && self.queue.len() == self.polling && !self.anything_to_see() {

@@ -5,18 +5,15 @@
 //! cost of a poll. Watchers of the same cells with the same condition form a group. A cell that fulfils the condition
 //! is *lit*. For each lit cell the next sights of it are in the event queue; if it goes dark first, they find nothing.
 
-use std::cmp::Reverse;
-use std::collections::{BTreeMap, BinaryHeap};
+use std::collections::BTreeMap;
 
 use isolux_machine::{Address, Condition, Sequence, Words};
 use rustc_hash::FxHashMap;
 
 use super::event::{Event, Rank, What};
 use super::phases::Phases;
+use super::queue::Queue;
 use super::time::Time;
-
-/// Events still to come, the first on top.
-pub(super) type Queue = BinaryHeap<Reverse<Event>>;
 
 /// What ends a wait: that the condition holds, or that it does not.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -127,7 +124,7 @@ impl Group {
                     candidates.dedup();
                     lit.batch = lit.batch.saturating_mul(2);
                     lit.last = candidates.last().copied();
-                    queue.extend(candidates.iter().map(|&(time, processor)| Reverse(sight(time, processor, id, cell))));
+                    queue.extend(candidates.iter().map(|&(time, processor)| sight(time, processor, id, cell)));
                     return;
                 }
                 time = Time(time.0.saturating_add(1));
@@ -144,7 +141,7 @@ impl Group {
             lit.batch = lit.batch.saturating_mul(2);
         }
         lit.last = candidates.iter().copied().max();
-        queue.extend(candidates.iter().map(|&(time, processor)| Reverse(sight(time, processor, id, cell))));
+        queue.extend(candidates.iter().map(|&(time, processor)| sight(time, processor, id, cell)));
     }
 }
 
@@ -193,7 +190,7 @@ impl Watches {
             let time = watcher.next(&kind, cell, begin);
             if lit.last.is_none_or(|last| (time, processor) < last) {
                 lit.last = lit.last.or(Some((time, processor)));
-                queue.push(Reverse(sight(time, processor, id, cell)));
+                queue.push(sight(time, processor, id, cell));
             }
         }
     }
