@@ -1,5 +1,5 @@
-//! A schedule of one's own: unequal tasks go in, dealt out beforehand or drawn from a shared counter; a table of speedups on
-//! several machines comes out. `docs/how-to/own-schedule.md` explains it.
+//! A schedule of one's own: unequal tasks go in, dealt out beforehand or drawn from a shared counter; a table of speedups
+//! on several machines comes out. `docs/how-to/own-schedule.md` explains it.
 //!
 //! `cargo run --release -p isolux-schedules --example own_schedule`
 
@@ -97,9 +97,9 @@ fn on_simulated(spec: &MachineSpec, processors: usize, sharing: Sharing) -> Outc
 
 const SHARINGS: [Sharing; 3] = [Sharing::Cyclic, Sharing::Counter { chunk: 1 }, Sharing::Counter { chunk: 8 }];
 
-/// Speedups on simulated machines, each against the same machine with one processor and tasks dealt out beforehand. The limit
-/// is the number of processors, or one processor's time by that of the longest chain of work: here, the longest task. Every
-/// result is compared with the sequential one.
+/// Speedups on simulated machines, each against the same machine with one processor and tasks dealt out beforehand. The
+/// limit is the number of processors, or one processor's time by that of the longest chain of work: here, the longest
+/// task. Every result is compared with the sequential one.
 pub(crate) fn table() -> Outcome<String> {
     let (expected, _) = on(Sequential::new(&CLASSES)?, Sharing::Cyclic)?;
     let my_machine = Path::new(env!("CARGO_MANIFEST_DIR")).join("../simulator/examples/my_machine.toml");
