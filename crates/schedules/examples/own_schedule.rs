@@ -1,5 +1,5 @@
-//! A schedule of one's own: unequal tasks go in, dealt out beforehand or drawn from a shared counter; a table of speedups
-//! on several machines comes out. `docs/how-to/own-schedule.md` explains it.
+//! A schedule of one's own: unequal tasks go in, dealt out beforehand or drawn from a shared counter; speedups
+//! on several machines come out, as a table. `docs/how-to/own-schedule.md` explains it.
 //!
 //! `cargo run --release -p isolux-schedules --example own_schedule`
 

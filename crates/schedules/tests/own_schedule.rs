@@ -1,4 +1,4 @@
-//! The example of `docs/how-to/own-schedule.md`: it computes the same on all machines, and the page shows what it prints.
+//! The example of `docs/how-to/own-schedule.md`: it computes the same on all machines; the page shows what it prints.
 
 #[allow(dead_code)]
 #[path = "../examples/own_schedule.rs"]
