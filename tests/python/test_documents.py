@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
+
+import pytest
+import tomllib
 
 ROOT = Path(__file__).parents[2]
 DEVIATIONS = (ROOT / "DEVIATIONS.md").read_text(encoding="utf-8")
@@ -54,3 +58,27 @@ def test_paths_named_in_documents_exist():
         linked = re.findall(r"\]\(([\w./-]+)(?:#[\w-]+)?\)", text)
         missing = [name for name in linked if "." in name and not (path.parent / name).exists()]
         assert not missing, f"{path.name}: {missing}"
+
+
+def figures(table: dict[str, Any], prefix: str = "") -> dict[str, str]:
+    """The figures of a spec file, by key with its table."""
+    flat: dict[str, str] = {}
+    for key, value in table.items():
+        flat |= figures(value, f"{prefix}{key}.") if isinstance(value, dict) else {prefix + key: str(value)}
+    return flat
+
+
+@pytest.mark.parametrize(
+    ("page", "file"),
+    [
+        ("ideal", "crates/simulator/src/ideal/spec.toml"),
+        ("sb-pram", "crates/simulator/src/sb_pram/spec.toml"),
+        ("dash", "crates/memory/specs/dash.toml"),
+        ("two-socket", "crates/memory/specs/two-socket.toml"),
+    ],
+)
+def test_pages_of_machines_have_all_their_figures(page, file):
+    """Catches a figure that was changed, added or removed in a file and not on the machine's page."""
+    text = (ROOT / f"docs/machines/{page}.md").read_text(encoding="utf-8")
+    shown = dict(re.findall(r"^\| `([a-z_.]+)` \| (\S+) \|", text, re.MULTILINE))
+    assert shown == figures(tomllib.loads((ROOT / file).read_text(encoding="utf-8")))

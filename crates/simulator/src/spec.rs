@@ -225,7 +225,7 @@ impl MachineSpec {
     }
 
     /// What a barrier costs each of so many processors once all are there: base + processors x `per_processor` + levels
-    /// x `per_level`, where levels is the logarithm to base 2, rounded up.
+    /// x `per_level`, where levels is the logarithm to base 2, rounded up. Nothing else, no access to memory (D28).
     pub fn barrier(&self, processors: usize) -> u64 {
         let levels = u64::from(processors.max(1).next_power_of_two().trailing_zeros());
         self.barrier_base + self.barrier_per_processor * processors as u64 + self.barrier_per_level * levels

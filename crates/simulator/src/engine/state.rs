@@ -545,7 +545,7 @@ impl<M: Memory> State<M> {
         }
         let mut now = now;
         if polls == 0 {
-            // The first poll brings a copy into the cache; the later ones, but for the last, look at that.
+            // The first poll brings a copy into the cache; the later ones, but for the last, look at that (D27).
             self.stall(processor, at, Kind::Read);
             now = self.slots[processor as usize].now;
         }
