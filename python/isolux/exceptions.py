@@ -21,6 +21,7 @@ __all__ = [
     "SceneError",
     "SettingsError",
     "SolutionFileError",
+    "UsageError",
     "WriteError",
 ]
 
@@ -47,6 +48,10 @@ class MissingExtraError(ReadError, ImportError):
 
 class SettingsError(IsoluxError, ValueError):
     """A setting makes no sense."""
+
+
+class UsageError(IsoluxError, ValueError):
+    """What was asked of a study makes no sense: a machine, its figures, a number of processors, a folder."""
 
 
 class SolutionFileError(IsoluxError):

@@ -5,6 +5,7 @@ use isolux::core::scene::SceneError as CoreSceneError;
 use isolux::core::scene::SceneViolation;
 use isolux::formats::read::ReadError as FormatsReadError;
 use isolux::formats::write::WriteError as FormatsWriteError;
+use isolux::study::StudyError;
 use isolux::{RecordError, RenderError as FacadeRenderError, SettingsError as FacadeSettingsError, SolveError};
 use pyo3::import_exception;
 use pyo3::prelude::*;
@@ -17,6 +18,7 @@ import_exception!(isolux.exceptions, RenderError);
 import_exception!(isolux.exceptions, SceneError);
 import_exception!(isolux.exceptions, SettingsError);
 import_exception!(isolux.exceptions, SolutionFileError);
+import_exception!(isolux.exceptions, UsageError);
 import_exception!(isolux.exceptions, WriteError);
 
 /// An error with its place in Python.
@@ -97,6 +99,23 @@ impl PythonError for FacadeRenderError {
     }
 }
 
+impl PythonError for StudyError {
+    fn exception(self) -> PyErr {
+        let message = self.to_string();
+        match self {
+            StudyError::Settings(error) => error.exception(),
+            StudyError::NoLight { .. } => NoLightError::new_err(message),
+            StudyError::Request { .. }
+            | StudyError::Spec(_)
+            | StudyError::Machine { .. }
+            | StudyError::TooLarge { .. } => UsageError::new_err(message),
+            // What the callback raised is what the caller sees; this is for one that just says stop.
+            StudyError::Stopped => pyo3::exceptions::PyKeyboardInterrupt::new_err(message),
+            StudyError::Internal { what } => internal(what),
+        }
+    }
+}
+
 impl PythonError for FormatsReadError {
     fn exception(self) -> PyErr {
         let message = self.to_string();
@@ -165,6 +184,24 @@ pub(crate) fn error_samples(py: Python<'_>) -> PyResult<Bound<'_, PyList>> {
         ("SolveError::Scene", SolveError::Scene(CoreSceneError::Empty { dropped: 0, invisible: 0 }).exception()),
         ("SolveError::NoLight", SolveError::NoLight { scene: "cave".into() }.exception()),
         ("SolveError::Internal", SolveError::Internal("link 3 has no receiver".into()).exception()),
+        ("StudyError::Settings", StudyError::Settings(settings()).exception()),
+        ("StudyError::NoLight", StudyError::NoLight { scene: "cave".into() }.exception()),
+        ("StudyError::Request", StudyError::Request { reason: "expected value".into() }.exception()),
+        (
+            "StudyError::Spec",
+            isolux::study::machine_spec("cray").map_or_else(PythonError::exception, |_| internal("found".into())),
+        ),
+        (
+            "StudyError::Machine",
+            StudyError::Machine {
+                machine: "threads".into(),
+                source: isolux::study::ClassError::Processors { asked: 0, max: 64 },
+            }
+            .exception(),
+        ),
+        ("StudyError::TooLarge", StudyError::TooLarge { what: "links", needed: 20, room: 10 }.exception()),
+        ("StudyError::Stopped", StudyError::Stopped.exception()),
+        ("StudyError::Internal", StudyError::Internal { what: "node 3 of the tree differs".into() }.exception()),
         ("RecordError::Missing", RecordError::Missing { name: "links/source".into() }.exception()),
         (
             "RecordError::Shape",

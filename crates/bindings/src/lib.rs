@@ -8,6 +8,7 @@ mod panics;
 mod scene;
 mod settings;
 mod solution;
+mod study;
 mod waiting;
 
 use pyo3::prelude::*;
@@ -25,6 +26,8 @@ mod _isolux {
     use crate::settings::{default_settings, quality_error, validate_settings};
     #[pymodule_export]
     use crate::solution::{Solution, solve, write_aside};
+    #[pymodule_export]
+    use crate::study::{StudyProblem, check_machine, machine_names, schedule_lines, study_orders};
 
     use pyo3::prelude::*;
 

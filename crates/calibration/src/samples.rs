@@ -1,7 +1,7 @@
 //! What is measured: a scene goes in, samples of each kind of work come out, with the counts that a program would be
 //! charged by. Kernels run with the paper's settings, on the pairs of a short solve.
 
-use crate::queue::{Queue, TASK};
+use crate::queue::{List, Queue, Ring, Told};
 use isolux_core::kernels::form_factor::FormFactor;
 use isolux_core::kernels::oracle::{Thresholds, bf_refinement};
 use isolux_core::kernels::visibility::{Covered, Rays, visibility_ray_by_ray};
@@ -10,17 +10,19 @@ use isolux_core::links::{Evaluator, Link};
 use isolux_core::sampling::{Stream, mix};
 use isolux_core::scene::Scene;
 use isolux_core::solution::{
-    Parameters, Roots, Solver, Stop, Unobserved, Update, area_weights, gather_sum, mean_of_children, reflected,
+    Light, Parameters, Roots, Solver, Stop, Unobserved, Update, area_weights, around_corner, corner_mean, gather_sum,
+    mean_of_children, reflected,
 };
 use isolux_core::tree::{Bsp, ElementId, Elements, InsertionOrder};
 use isolux_core::units::Rgb;
+use isolux_schedules::{Problem, corner_steps, sorting_depth};
 use std::cell::RefCell;
 use std::hint::black_box;
 use std::rc::Rc;
 
 /// Work that is run once, and what it counts for.
 pub(crate) struct Sample<'a> {
-    /// Classes that are fitted together have one group.
+    /// Classes that are fitted together have one group; after a colon, a kind of work within it.
     pub(crate) group: &'static str,
     pub(crate) counts: Vec<(&'static str, u64)>,
     pub(crate) run: Box<dyn FnMut() + 'a>,
@@ -39,6 +41,8 @@ struct Solved<'a> {
     bsp: &'a Bsp,
     evaluator: Evaluator<'a>,
     elements: Elements,
+    light: Light,
+    parameters: Parameters,
     /// Receiver, link, and radiosity of its source.
     links: Vec<(ElementId, Link, Rgb)>,
     thresholds: Thresholds,
@@ -58,7 +62,10 @@ pub(crate) fn of_scene(scene: &Scene) -> Result<Vec<Sample<'_>>, &'static str> {
     samples.extend(sorts(solved));
     samples.extend(leaves(solved));
     samples.extend(means(solved));
-    samples.extend(tasks());
+    samples.extend(culls(solved));
+    samples.extend(vertices(solved));
+    samples.extend(tasks("queue:list", || List::new(SLOTS, |words| words), || List::new(SLOTS, Told::new)));
+    samples.extend(tasks("queue:ring", || Ring::new(SLOTS, |words| words), || Ring::new(SLOTS, Told::new)));
     Ok(samples)
 }
 
@@ -92,7 +99,8 @@ fn solve<'a>(scene: &'a Scene, bsp: &'a Bsp) -> Result<Solved<'a>, &'static str>
     if links.is_empty() {
         return Err("the scene has no links");
     }
-    Ok(Solved { scene, bsp, evaluator, elements: hierarchy.elements, links, thresholds })
+    let (elements, light) = (hierarchy.elements, hierarchy.light);
+    Ok(Solved { scene, bsp, evaluator, elements, light, parameters, links, thresholds })
 }
 
 impl Solved<'_> {
@@ -263,7 +271,7 @@ fn sorts<'a>(solved: &'a Solved<'a>) -> Vec<Sample<'a>> {
     let lists: Vec<Vec<Link>> = solved.lists().into_iter().map(shuffled).collect();
     let sample = |mut lists: Vec<Vec<Link>>| Sample {
         group: "order",
-        counts: vec![("order", lists.iter().map(|list| steps(list.len())).sum())],
+        counts: vec![("order", lists.iter().map(|list| steps(list.len() as u64)).sum())],
         run: Box::new(move || {
             for list in &mut lists {
                 list.sort_unstable_by_key(|link| solved.elements.get(link.source).path);
@@ -274,11 +282,9 @@ fn sorts<'a>(solved: &'a Solved<'a>) -> Vec<Sample<'a>> {
     parts(&lists).map(sample).collect()
 }
 
-/// What sorting a list counts for: `n max(1, ceil(log2 n) - 1)`, about the comparisons that no sort can do without
-/// (`log2 n!`, which is `n log2 n - 1.44 n`); 0 for a single link.
-fn steps(count: usize) -> u64 {
-    let levels = u64::from(count.next_power_of_two().trailing_zeros());
-    if count < 2 { 0 } else { count as u64 * levels.saturating_sub(1).max(1) }
+/// What sorting a list counts for; 0 for a single link.
+fn steps(count: u64) -> u64 {
+    if count < 2 { 0 } else { count * sorting_depth(count) }
 }
 
 /// Leaves that settle.
@@ -324,24 +330,110 @@ fn means<'a>(solved: &'a Solved<'a>) -> Vec<Sample<'a>> {
     parts(&items).map(sample).collect()
 }
 
-/// Tasks that are put in a queue and taken out again, in bursts.
-fn tasks() -> Vec<Sample<'static>> {
-    let sample = |burst: u64| {
-        let mut queue = Queue::new(200);
+/// Pairs of roots that are asked whether they face each other, evenly spaced among all pairs.
+fn culls<'a>(solved: &'a Solved<'a>) -> Vec<Sample<'a>> {
+    let Solved { scene, bsp, parameters, .. } = solved;
+    let active: Vec<bool> = (0..scene.polygons.len()).map(|polygon| polygon < scene.fronts).collect();
+    let problem: &Problem<'_> =
+        Box::leak(Box::new(Problem::new(scene, bsp, InsertionOrder::AsGiven, *parameters, &active)));
+    let roots = &problem.active_roots;
+    let pairs: Vec<(u32, u32)> =
+        roots.iter().enumerate().flat_map(|(at, &a)| roots[..at].iter().map(move |&b| (a, b))).collect();
+    let count = pairs.len().min(ITEMS);
+    let pairs: Vec<(u32, u32)> = (0..count).map(|k| pairs[k * pairs.len() / count]).collect();
+    let sample = |pairs: Vec<(u32, u32)>| Sample {
+        group: "cull",
+        counts: vec![("cull", pairs.len() as u64)],
+        run: Box::new(move || {
+            for &(a, b) in &pairs {
+                black_box(problem.face_each_other(a, b));
+            }
+        }),
+    };
+    parts(&pairs).map(sample).collect()
+}
+
+/// Values at the corners of leaves, leaves grouped by depth.
+fn vertices<'a>(solved: &'a Solved<'a>) -> Vec<Sample<'a>> {
+    let elements = &solved.elements;
+    let mut leaves: Vec<ElementId> = elements.leaves().collect();
+    leaves.sort_by_key(|&leaf| elements.get(leaf).path.depth());
+    let step = leaves.len().div_ceil(ITEMS / 8);
+    let leaves: Vec<ElementId> = leaves.into_iter().step_by(step).collect();
+    let sample = |part: Vec<ElementId>| {
+        let mut steps = 0;
+        for &leaf in &part {
+            at_corners(solved, leaf, |points, levels| steps += corner_steps(points, levels));
+        }
         Sample {
-            group: "queue",
-            counts: vec![("queue", 20 * burst)],
+            group: "interpolate",
+            counts: vec![("interpolate", steps)],
             run: Box::new(move || {
-                for round in 0..20 {
-                    for k in 0..burst {
-                        black_box(queue.push(black_box(&[round, k, 1, 2] as &[u64; TASK])));
-                    }
-                    for _ in 0..burst {
-                        black_box(queue.pop());
-                    }
+                for &leaf in &part {
+                    at_corners(solved, leaf, |_, _| ());
                 }
             }),
         }
     };
+    parts(&leaves).map(sample).collect()
+}
+
+/// Means over the leaves around each corner of a leaf; tells of each corner how many points were located, and how many
+/// levels that took in all.
+fn at_corners(solved: &Solved<'_>, leaf: ElementId, mut told: impl FnMut(u64, u64)) {
+    let Solved { scene, elements, light, .. } = solved;
+    let element = elements.get(leaf);
+    let root = ElementId(element.path.root_index());
+    let (outline, normal) = (&elements.get(root).corners, scene.polygons[element.polygon as usize].plane.normal);
+    for corner in 0..element.corners.len() {
+        // At most six sectors.
+        let (mut around, mut values, mut count) = ([root; 6], [Rgb::ZERO; 6], 0);
+        let (mut points, mut levels) = (0, 0);
+        for point in around_corner(&element.corners, corner, outline, normal) {
+            let found = elements.locate(root, point);
+            points += 1;
+            levels += u64::from(elements.get(found).path.depth());
+            if !around[..count].contains(&found) {
+                (around[count], values[count]) = (found, light.radiosity(found));
+                count += 1;
+            }
+        }
+        told(points, levels);
+        black_box(corner_mean(&values[..count]));
+    }
+}
+
+/// Tasks that are put in a queue and taken out again, in bursts: two ways each. `moved`: words loaded and stored.
+fn tasks<'a, Q, T>(group: &'static str, queue: fn() -> Q, told: fn() -> T) -> Vec<Sample<'a>>
+where
+    Q: Queue + 'static,
+    T: Queue<Words = Told>,
+{
+    let sample = |burst| {
+        let mut told = told();
+        move_tasks(&mut told, burst);
+        let mut queue = queue();
+        Sample {
+            group,
+            counts: vec![("queue", 2 * ROUNDS * burst), ("moved", told.words().moved())],
+            run: Box::new(move || move_tasks(&mut queue, burst)),
+        }
+    };
     [1, 2, 4, 8, 16, 32, 64, 128].into_iter().map(sample).collect()
+}
+
+/// How often a burst of tasks is put in and taken out.
+const ROUNDS: u64 = 20;
+/// More than the longest burst.
+const SLOTS: usize = 200;
+
+fn move_tasks(queue: &mut impl Queue, burst: u64) {
+    for round in 0..ROUNDS {
+        for k in 0..burst {
+            black_box(queue.put(black_box(&[round, k, 1])));
+        }
+        for _ in 0..burst {
+            black_box(queue.take());
+        }
+    }
 }

@@ -9,6 +9,7 @@ mod report;
 mod settings;
 mod smooth;
 mod solution;
+pub mod study;
 
 pub use error::{RecordError, RenderError, SettingsError, SolveError};
 pub use isolux_core as core;

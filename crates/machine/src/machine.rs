@@ -72,6 +72,9 @@ pub enum RunError {
         /// For what.
         wait: Wait,
     },
+    /// The caller stopped it.
+    #[error("stopped")]
+    Stopped,
     /// A machine's own error: a processor's time does not add up.
     #[error("processor {processor}: its time adds up to {sum}, the clock says {clock}")]
     Accounting {

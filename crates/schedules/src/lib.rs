@@ -21,7 +21,7 @@ mod variant;
 mod wavefront;
 mod worker;
 
-pub use cost::{CLASSES, COST_MODEL};
+pub use cost::{CLASSES, COST_MODEL, corner_steps, sorting_depth};
 pub use pairs::{Direct, Memory, Pairs, Remembered, Touched};
 pub use problem::{Place, Problem};
 pub use run::{Hear, IterationOutcome, Outcome, PhaseName, ScheduleError, run};

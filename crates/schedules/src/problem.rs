@@ -5,7 +5,7 @@ use glam::DVec3;
 use isolux_core::kernels::Patch;
 use isolux_core::links::Named;
 use isolux_core::scene::{Corners, Scene};
-use isolux_core::solution::Parameters;
+use isolux_core::solution::{Parameters, Roots};
 use isolux_core::tree::{Bsp, InsertionOrder, Path, fragment_roots, quarter};
 use rustc_hash::FxHashMap;
 use std::sync::OnceLock;
@@ -67,14 +67,24 @@ impl<'a> Problem<'a> {
         parameters: Parameters,
         active: &[bool],
     ) -> Problem<'a> {
-        let roots = fragment_roots(scene, bsp);
+        let fragments = fragment_roots(scene, bsp);
         let mut pieces: FxHashMap<PieceKey, Vec<u32>> = FxHashMap::default();
-        for (index, root) in roots.iter().enumerate() {
+        for (index, root) in fragments.iter().enumerate() {
             let fragment = &bsp.fragments()[root.fragment as usize];
-            pieces.entry(key(fragment.polygon, &fragment.corners)).or_default().push(index as u32);
+            let root = match parameters.roots {
+                Roots::Polygons => root.polygon,
+                Roots::Fragments => index as u32,
+            };
+            pieces.entry(key(fragment.polygon, &fragment.corners)).or_default().push(root);
         }
-        let places =
-            roots.iter().zip(0..).map(|(root, index)| Place::new(Path::root(index), root.corners, root.polygon));
+        let corners: Vec<(Corners, u32)> = match parameters.roots {
+            Roots::Polygons => scene.polygons.iter().map(|polygon| polygon.corners).zip(0..).collect(),
+            Roots::Fragments => fragments.iter().map(|root| (root.corners, root.polygon)).collect(),
+        };
+        let places = corners
+            .into_iter()
+            .zip(0..)
+            .map(|((corners, polygon), root)| Place::new(Path::root(root), corners, polygon));
         let places: Vec<Place> = places.collect();
         let active_roots = (0..places.len() as u32).filter(|&r| active[places[r as usize].polygon as usize]).collect();
         Problem { scene, bsp, parameters, order: order.sequence(scene), active_roots, roots: places, pieces }
@@ -99,8 +109,8 @@ impl<'a> Problem<'a> {
         Named { path: place.path, patch: Patch { corners: &place.corners, plane, area: place.area } }
     }
 
-    /// The roots that a piece of a front stands for: its own, and that of the back. `None` for a piece that the tree does
-    /// not have.
+    /// The roots that a piece of a front stands for: its own (or its polygon's, where polygons are the roots), and that of
+    /// the back. `None` for a piece that the tree does not have.
     #[must_use]
     pub fn roots_of_piece(&self, front: u32, corners: &Corners) -> Option<&[u32]> {
         self.pieces.get(&key(front, corners)).map(Vec::as_slice)

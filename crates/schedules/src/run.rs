@@ -44,7 +44,7 @@ pub enum ScheduleError {
 /// A phase, as the paper names it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PhaseName {
-    /// Its number: 1, 2, 3, or 1', 1'', 2', 3'.
+    /// Its number: 1, 2, 3, or 1', 1'', 2', 3'; a name in flat rounds, which the paper does not have.
     pub number: &'static str,
     /// What it does.
     pub title: &'static str,
@@ -85,6 +85,8 @@ pub struct Outcome {
     pub nodes: Vec<[u64; 4]>,
     /// What all processors did that machines do not count, over all phases.
     pub tally: Tally,
+    /// Bytes that the program of a processor takes while it waits: the largest of all phases.
+    pub program_bytes: usize,
 }
 
 /// Hears of every phase as it ends: its name and its run. False stops the solve.
@@ -150,13 +152,20 @@ struct Solve<'a, 'h, M, K> {
 macro_rules! phase {
     ($solve:expr, $name:expr, $iteration:expr, |$worker:ident| $body:block) => {{
         let context = &$solve.context;
-        let run = $solve.machine.run(|p| async move {
+        let program = |p| async move {
             let $worker = Worker::new(p, context, $iteration);
             $body
             $worker.tally.into_inner()
-        })?;
+        };
+        $solve.outcome.program_bytes = $solve.outcome.program_bytes.max(bytes_of(&program));
+        let run = $solve.machine.run(program)?;
         $solve.end_phase($name, run)?
     }};
+}
+
+/// Bytes of what a program makes for each processor.
+fn bytes_of<P, R>(_: &impl Fn(P) -> R) -> usize {
+    size_of::<R>()
 }
 
 impl<M: Machine, K: Pairs> Solve<'_, '_, M, K> {
@@ -200,18 +209,18 @@ impl<M: Machine, K: Pairs> Solve<'_, '_, M, K> {
     fn build(&mut self) -> Result<(), ScheduleError> {
         if let Some(flat) = self.context.flat {
             let name = |number, title| PhaseName { number, title, iteration: None };
-            phase!(self, name("1'", "tree"), 0, |worker| {
+            phase!(self, name("tree", "tree"), 0, |worker| {
                 worker.begin(0).await;
                 worker.grow_tree(&flat).await;
             });
-            phase!(self, name("1''", "initial pairs"), 0, |worker| {
+            phase!(self, name("pairs", "initial pairs"), 0, |worker| {
                 worker.begin(0).await;
                 worker.link_pairs(&flat).await;
             });
             return Ok(());
         }
         let Switches { parallel_bsp, pair_loop, .. } = self.context.switches;
-        let title = if pair_loop || parallel_bsp { "tree" } else { "tree and form factors" };
+        let title = if pair_loop || parallel_bsp { "BSP" } else { "BSP and form factors" };
         let name = self.name(["1", "1'"], parallel_bsp, title);
         let first = if parallel_bsp { Task::Partition { node: 0, first: 0 } } else { Task::Insert { at: 0 } };
         phase!(self, name, 0, |worker| {
@@ -253,25 +262,28 @@ impl<M: Machine, K: Pairs> Solve<'_, '_, M, K> {
         };
         let mut before = self.total(0, 0);
         for iteration in 0..max_iterations {
-            let name = self.name(["2", "2'"], self.context.switches.fine_tasks, "iteration");
+            let name = match self.context.flat {
+                Some(_) => PhaseName { number: "iteration", title: "iteration", iteration: None },
+                None => self.name(["2", "2'"], self.context.switches.fine_tasks, "iteration"),
+            };
             let name = PhaseName { iteration: Some(iteration + 1), ..name };
             let mean = before.mean();
-            let flat = self.context.flat;
-            let tally = phase!(self, name, iteration, |worker| {
-                if let Some(flat) = &flat {
+            let tally = match self.context.flat {
+                Some(flat) => phase!(self, name, iteration, |worker| {
                     worker.begin_rounds().await;
-                    worker.rounds(flat).await;
-                    worker.gather_rows(flat).await;
+                    worker.rounds(&flat).await;
+                    worker.gather_rows(&flat).await;
                     worker.measure(mean).await;
-                    return worker.tally.into_inner();
-                }
-                let roots = &worker.cx.problem.active_roots;
-                worker.begin(roots.len() as u64).await;
-                worker.deal_all(roots, |_, element| Task::Refine { element }).await;
-                worker.run_tasks().await;
-                worker.barrier().await;
-                worker.measure(mean).await;
-            });
+                }),
+                None => phase!(self, name, iteration, |worker| {
+                    let roots = &worker.cx.problem.active_roots;
+                    worker.begin(roots.len() as u64).await;
+                    worker.deal_all(roots, |_, element| Task::Refine { element }).await;
+                    worker.run_tasks().await;
+                    worker.barrier().await;
+                    worker.measure(mean).await;
+                }),
+            };
             before = self.total(iteration, 1);
             let residual = f64::from_bits(self.count(Counter::Residual));
             let (links, elements) = (self.count(Counter::Links), self.count(Counter::Elements));
@@ -287,7 +299,10 @@ impl<M: Machine, K: Pairs> Solve<'_, '_, M, K> {
     /// Phase 3: values at vertices.
     fn interpolate(&mut self) -> Result<(), ScheduleError> {
         let in_loop = self.context.switches.interpolation_loop;
-        let name = self.name(["3", "3'"], in_loop, "interpolation");
+        let name = match self.context.flat {
+            Some(_) => PhaseName { number: "interpolation", title: "interpolation", iteration: None },
+            None => self.name(["3", "3'"], in_loop, "interpolation"),
+        };
         let last = (self.outcome.iterations.len() as u32).saturating_sub(1);
         phase!(self, name, last, |worker| {
             let roots = &worker.cx.problem.active_roots;

@@ -15,6 +15,7 @@ use isolux_core::units::Rgb;
 use isolux_machine::protocols::{ParallelLoop, StealCounts};
 use isolux_machine::{BarrierId, Prefix, Processor, Work};
 use std::cell::{Cell, RefCell};
+use std::pin::Pin;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
 
 /// Loops that a phase may have: some by number, the last four in turn.
@@ -92,21 +93,26 @@ impl<'a, P: Processor, K: Pairs> Worker<'a, P, K> {
         self.tally.borrow_mut().steals.add(&steals);
     }
 
-    /// Runs a task. Its state is on the heap, so that idle processors are small.
+    /// Runs a task.
     pub(crate) async fn run(&self, task: Task) {
         let before = self.p.enter(task.mark());
-        match task {
-            Task::Insert { at } => Box::pin(self.insert(at)).await,
-            Task::Partition { node, first } => Box::pin(self.partition(node, first)).await,
-            Task::Factors { root, at } => Box::pin(self.factors(root, at)).await,
-            Task::Factor { a, b } => Box::pin(self.factor(a, b)).await,
-            Task::Refine { element } => Box::pin(self.refine(element)).await,
-            Task::Visibility { element, count, links } => {
-                Box::pin(self.visibility_task(element, &links[..count as usize])).await;
-            }
-            Task::Interpolate { element } => Box::pin(self.interpolate_below(element)).await,
-        }
+        self.start(task).await;
         self.p.enter(before);
+    }
+
+    /// A task's program. Its state is on the heap, so that idle processors are small.
+    fn start(&self, task: Task) -> Pin<Box<dyn Future<Output = ()> + '_>> {
+        match task {
+            Task::Insert { at } => Box::pin(self.insert(at)),
+            Task::Partition { node, first } => Box::pin(self.partition(node, first)),
+            Task::Factors { root, at } => Box::pin(self.factors(root, at)),
+            Task::Factor { a, b } => Box::pin(self.factor(a, b)),
+            Task::Refine { element } => Box::pin(self.refine(element)),
+            Task::Visibility { element, count, links } => {
+                Box::pin(async move { self.visibility_task(element, &links[..count as usize]).await })
+            }
+            Task::Interpolate { element } => Box::pin(self.interpolate_below(element)),
+        }
     }
 
     /// Puts a task that has been announced, or runs it where there is no room for it.

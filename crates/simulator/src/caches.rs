@@ -10,7 +10,8 @@ use crate::spec::{MachineSpec, SpecError};
 /// A machine's word: 8 bytes.
 const WORD_BYTES: u64 = 8;
 
-/// The memory of a cache-coherent machine.
+/// The memory of a cache-coherent machine. What waits accesses it at its first poll and at the one that ends the wait (D27);
+/// barriers do not access it: their cost is a formula (D28).
 #[derive(Debug)]
 pub struct Caches {
     system: System,

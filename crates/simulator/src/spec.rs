@@ -186,6 +186,18 @@ impl MachineSpec {
         Ok(())
     }
 
+    /// As [`MachineSpec::add_work`], but figures that are there stay.
+    ///
+    /// # Errors
+    ///
+    /// Names the file and the key.
+    pub fn default_work(&mut self, text: &str, file: &str) -> Result<(), SpecError> {
+        let own = std::mem::take(&mut self.work);
+        let added = self.add_work(text, file);
+        self.work.extend(own);
+        added
+    }
+
     /// [`MachineSpec::add_work`] with a file's text.
     ///
     /// # Errors

@@ -347,3 +347,21 @@ fn the_same_inputs_give_the_same_trace() {
     assert!(traces[0].lines().count() > 1000);
     assert!(traces[0] == traces[1], "two runs of one program differ");
 }
+
+/// Catches a run that cannot be stopped: one processor that never waits, and many that do.
+#[test]
+fn a_run_can_be_stopped() {
+    for p in [1, 20] {
+        let stop = std::sync::Arc::new(std::sync::atomic::AtomicBool::new(true));
+        let spec = MachineSpec::named("sb-pram").expect("comes along");
+        let mut machine = self::machine(spec, p).stopped_by(stop);
+        let word = machine.allocate("word", 1, Home::RoundRobin).expect("fits").at(0);
+        let program = async |p: SimulatedProcessor| {
+            loop {
+                p.prefix(Prefix::Add, word, 1).await;
+            }
+        };
+        let error: Result<Run<()>, RunError> = machine.run(program);
+        assert_eq!(error.expect_err("never ends"), RunError::Stopped);
+    }
+}

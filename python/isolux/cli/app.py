@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from isolux import __version__
-from isolux.cli import bake, inspect, render, solve
+from isolux.cli import bake, inspect, render, solve, study
 from isolux.cli.terminal import say
 from isolux.exceptions import (
     InternalError,
@@ -20,6 +20,7 @@ from isolux.exceptions import (
     SceneError,
     SettingsError,
     SolutionFileError,
+    UsageError,
     WriteError,
 )
 
@@ -45,6 +46,7 @@ app.command()(inspect.inspect)
 app.command()(solve.solve)
 app.command()(bake.bake)
 app.command()(render.render)
+app.command()(study.study)
 
 
 def _version(wanted: bool) -> None:
@@ -104,7 +106,7 @@ def _failed(error: IsoluxError) -> int:
         return _internal(error)
     say(f"error: {error}")
     match error:
-        case SettingsError() | RenderError():
+        case SettingsError() | RenderError() | UsageError():
             return USAGE
         case SceneError() | ReadError() | SolutionFileError():
             return BAD_INPUT

@@ -7,7 +7,7 @@ import math
 import sys
 import time
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn
 from rich.progress import Progress as Bars
@@ -17,10 +17,9 @@ from isolux.cli.terminal import warnings_console
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from isolux import Progress
     from isolux.cli.options import ProgressMode
 
-__all__ = ["showing"]
+__all__ = ["State", "showing"]
 
 #: Seconds between two lines where no terminal shows a bar: a log of a long run stays readable.
 _LINES_EVERY = 5.0
@@ -32,11 +31,44 @@ _PHASES = {
     "interpolation": "smoothing",
     "balance": "checking the energy balance",
     "render": "drawing",
+    "runs": "simulating",
+    "orders": "counting insertion orders",
 }
 
 
+class State(Protocol):
+    """State of a computation: `isolux.Progress`, or what has its words.
+
+    A `detail` of its own is shown as it is.
+    """
+
+    @property
+    def phase(self) -> str:
+        """What is being done, one of those known here."""
+
+    @property
+    def done(self) -> float:
+        """Share of the estimated work that is done, in [0, 1]."""
+
+    @property
+    def iteration(self) -> int:
+        """Iterations finished."""
+
+    @property
+    def residual(self) -> float:
+        """Relative change in the last iteration."""
+
+    @property
+    def elements(self) -> int:
+        """Elements so far."""
+
+    @property
+    def links(self) -> int:
+        """Links so far."""
+
+
 @contextmanager
-def showing(mode: ProgressMode) -> Iterator[Callable[[Progress], None] | None]:
+def showing(mode: ProgressMode) -> Iterator[Callable[[State], None] | None]:
     """Give what is to be called with each state of a computation, or None where nobody wants to know."""
     if mode == "none":
         yield None
@@ -57,7 +89,7 @@ def showing(mode: ProgressMode) -> Iterator[Callable[[Progress], None] | None]:
             task = bars.add_task("starting", total=1.0, left="", detail="")
             clock = _Clock()
 
-            def show(state: Progress) -> None:
+            def show(state: State) -> None:
                 bars.update(
                     task,
                     completed=state.done,
@@ -86,14 +118,14 @@ class _Clock:
 class _Lines:
     """Writes a line when a phase begins, and every so often."""
 
-    def __init__(self, line: Callable[[Progress, _Clock], str], every: float) -> None:
+    def __init__(self, line: Callable[[State, _Clock], str], every: float) -> None:
         self._line = line
         self._every = every
         self._clock = _Clock()
         self._phase = ""
         self._next = 0.0
 
-    def __call__(self, state: Progress) -> None:
+    def __call__(self, state: State) -> None:
         now = self._clock.elapsed()
         if state.phase == self._phase and now < self._next:
             return
@@ -101,7 +133,7 @@ class _Lines:
         print(self._line(state, self._clock), file=sys.stderr, flush=True)
 
 
-def _plain_line(state: Progress, clock: _Clock) -> str:
+def _plain_line(state: State, clock: _Clock) -> str:
     parts = [
         f"{100.0 * state.done:3.0f} %  {_PHASES[state.phase]}",
         _detail(state),
@@ -110,7 +142,7 @@ def _plain_line(state: Progress, clock: _Clock) -> str:
     return ", ".join(part for part in parts if part)
 
 
-def _json_line(state: Progress, clock: _Clock) -> str:
+def _json_line(state: State, clock: _Clock) -> str:
     left = clock.left(state.done)
     values = {
         "phase": state.phase,
@@ -121,11 +153,15 @@ def _json_line(state: Progress, clock: _Clock) -> str:
         "links": state.links,
         "seconds": round(clock.elapsed(), 3),
         "seconds_left": round(left, 3) if math.isfinite(left) else None,
+        "detail": _detail(state),
     }
     return json.dumps(values)
 
 
-def _detail(state: Progress) -> str:
+def _detail(state: State) -> str:
+    told = getattr(state, "detail", None)
+    if told is not None:
+        return str(told)
     parts = []
     if state.iteration:
         parts.append(f"iteration {state.iteration}")

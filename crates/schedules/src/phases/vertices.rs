@@ -18,9 +18,11 @@ impl<P: Processor, K: Pairs> Worker<'_, P, K> {
         let normal = self.cx.problem.scene.polygons[place.polygon as usize].plane.normal;
         for corner in 0..place.corners.len() {
             let mut around: Vec<(u32, Rgb)> = Vec::new();
+            let (mut points, mut levels) = (0, 0);
             for point in around_corner(&place.corners, corner, outline, normal) {
-                let leaf = self.locate(root, normal, point).await;
-                self.charge(cost::INTERPOLATE, 1).await;
+                let (leaf, depth) = self.locate(root, normal, point).await;
+                points += 1;
+                levels += u64::from(depth);
                 if !around.iter().any(|&(other, _)| other == leaf) {
                     let slot = Store::slots(self.cx.problem.parameters.update, self.iteration)[1];
                     let words = self.p.load_block(self.cx.store.element(leaf, slot)).await;
@@ -29,18 +31,19 @@ impl<P: Processor, K: Pairs> Worker<'_, P, K> {
             }
             let values: Vec<Rgb> = around.into_iter().map(|(_, value)| value).collect();
             let mean = corner_mean(&values);
+            self.charge(cost::INTERPOLATE, cost::corner_steps(points, levels)).await;
             self.p.store_block(self.cx.store.vertex(element, corner as u64), store::bits(mean)).await;
         }
     }
 
-    /// The leaf below a root that holds a point.
-    async fn locate(&self, root: u32, normal: glam::DVec3, point: glam::DVec3) -> u32 {
+    /// The leaf below a root that holds a point, and how many levels below.
+    async fn locate(&self, root: u32, normal: glam::DVec3, point: glam::DVec3) -> (u32, u32) {
         let mut element = root;
         let mut path = Path::root(root);
         loop {
             let first = self.p.load(self.cx.store.element(element, store::FIRST_CHILD)).await as u32;
             if first == 0 {
-                return element;
+                return (element, path.depth());
             }
             let quadrant = quadrant_of(&self.place(path).corners, normal, point);
             (element, path) = (first + quadrant, path.child(quadrant));

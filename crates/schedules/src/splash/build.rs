@@ -65,6 +65,9 @@ impl<P: Processor, K: Pairs> Worker<'_, P, K> {
                 }
             }
         }
+        // Where polygons are the roots, all pieces of one stand for the same.
+        roots.sort_unstable();
+        roots.dedup();
         roots
     }
 

@@ -45,8 +45,7 @@ impl<P: Processor, K: Pairs> Worker<'_, P, K> {
 
     async fn sum_of(&self, flat: &Flat, begin: u64, many: u64) -> Rgb {
         let mut terms = Vec::with_capacity(many as usize);
-        for at in begin..begin + many {
-            let [source, _, form_factor, visibility]: [u64; 4] = self.p.load_block(flat.entry(at, 0)).await;
+        for [source, _, form_factor, visibility, _] in self.entries(|at| flat.entry(at, 0), begin, begin + many).await {
             let radiosity = self.radiosity(source as u32).await;
             self.note_read(source as u32);
             terms.push(radiosity * (f64::from_bits(form_factor) * store::decode(visibility).share));

@@ -38,6 +38,8 @@ const JOIN: u64 = 7;
 const OWN: u64 = 8;
 
 const ENTRY_WORDS: u64 = 5;
+/// Entries that are read together.
+const TOGETHER: u64 = 3;
 const ENTRY_VISIBILITY: u64 = 3;
 
 const FRESH_WORDS: u64 = 8;
@@ -90,12 +92,8 @@ impl Flat {
         self.rows.at(at * ENTRY_WORDS + word)
     }
 
-    fn unsorted(&self, at: u64) -> Address {
-        self.unsorted.at(at * ENTRY_WORDS)
-    }
-
-    fn unsorted_path(&self, at: u64) -> Address {
-        self.unsorted.at(at * ENTRY_WORDS + 1)
+    fn unsorted(&self, at: u64, word: u64) -> Address {
+        self.unsorted.at(at * ENTRY_WORDS + word)
     }
 
     fn fresh(&self, at: u64, word: u64) -> Address {
@@ -111,7 +109,26 @@ impl Flat {
     }
 }
 
+/// A link in a row.
+type Entry = [u64; ENTRY_WORDS as usize];
+
 impl<P: Processor, K: Pairs> Worker<'_, P, K> {
+    /// The entries `from..to` of an array whose entry `i` begins at `word(i)`.
+    async fn entries(&self, word: impl Fn(u64) -> Address, from: u64, to: u64) -> Vec<Entry> {
+        let mut entries = Vec::with_capacity((to - from) as usize);
+        let mut at = from;
+        while at + TOGETHER <= to {
+            let words: [u64; (ENTRY_WORDS * TOGETHER) as usize] = self.p.load_block(word(at)).await;
+            entries.extend_from_slice(words.as_chunks().0);
+            at += TOGETHER;
+        }
+        while at < to {
+            entries.push(self.p.load_block(word(at)).await);
+            at += 1;
+        }
+        entries
+    }
+
     /// A loop in a row of loops, without waiting at its end. The counter of the one after the next begins anew meanwhile:
     /// everyone has left it, at the barrier before last.
     async fn each_and_go_on(&self, end: u64, chunk: u64, body: impl AsyncFnMut(u64)) {
@@ -121,7 +138,9 @@ impl<P: Processor, K: Pairs> Worker<'_, P, K> {
         if self.is_first() {
             self.cx.loops[FIRST_TURN + (turn + 2) % turns].reset(&self.p).await;
         }
-        parallel_for(&self.p, &self.cx.loops[FIRST_TURN + turn % turns], end, chunk, body).await;
+        let indices = &self.cx.loops[FIRST_TURN + turn % turns];
+        // On the heap, and gone before the barrier: processors that wait there are small.
+        Box::pin(parallel_for(&self.p, indices, end, chunk, body)).await;
     }
 
     /// The same, and everyone waits for everyone.

@@ -11,7 +11,7 @@ use isolux_core::tree::Path;
 use isolux_machine::{Cause, Mark, Note, Prefix, Processor, Work};
 
 /// Entries of rows that are asked about at a time.
-const ENTRIES: u64 = 16;
+const ENTRIES: u64 = 15;
 
 /// Pairs of polygons that are compared at a time.
 const PAIRS: u64 = 4;
@@ -89,9 +89,7 @@ impl<P: Processor, K: Pairs> Worker<'_, P, K> {
         let count = |counter| self.p.load(self.cx.store.counter(counter));
         let entries = count(Counter::Rows).await;
         self.each(entries.div_ceil(ENTRIES), 1, async |block| {
-            for at in block * ENTRIES..((block + 1) * ENTRIES).min(entries) {
-                self.ask_entry(flat, at).await;
-            }
+            self.ask_entries(flat, block * ENTRIES, ((block + 1) * ENTRIES).min(entries)).await;
         })
         .await;
         let (mut splits, mut claims, mut fresh) = (0, 0, 0);
@@ -165,20 +163,27 @@ impl<P: Processor, K: Pairs> Worker<'_, P, K> {
         self.p.enter(before);
     }
 
-    /// Asks about a link of the last iteration; one that is split leaves its row.
-    async fn ask_entry(&self, flat: &Flat, at: u64) {
-        let words: [u64; 5] = self.p.load_block(flat.entry(at, 0)).await;
-        let [source, path, form_factor, visibility, receiver] = words;
-        if visibility == store::DEAD {
-            return;
-        }
-        let receiver = receiver as u32;
-        let name = self.place_of(receiver).await.path;
-        let ends = Ends { elements: [receiver, source as u32], paths: [name, Store::path(path)] };
-        if self.ask(flat, ends, f64::from_bits(form_factor), visibility).await {
-            self.p.store(flat.entry(at, ENTRY_VISIBILITY), store::DEAD).await;
-            self.p.prefix(Prefix::Add, flat.row(receiver, LIVE), u64::MAX).await;
-            self.note_change(flat, receiver).await;
+    /// Asks about links of the last iteration; those that are split leave their rows.
+    async fn ask_entries(&self, flat: &Flat, from: u64, to: u64) {
+        let entries = self.entries(|at| flat.entry(at, 0), from, to).await;
+        let mut known = None;
+        for (at, [source, path, form_factor, visibility, receiver]) in (from..).zip(entries) {
+            if visibility == store::DEAD {
+                continue;
+            }
+            let receiver = receiver as u32;
+            // Entries of one row follow each other.
+            let name = match known {
+                Some((element, name)) if element == receiver => name,
+                _ => self.place_of(receiver).await.path,
+            };
+            known = Some((receiver, name));
+            let ends = Ends { elements: [receiver, source as u32], paths: [name, Store::path(path)] };
+            if self.ask(flat, ends, f64::from_bits(form_factor), visibility).await {
+                self.p.store(flat.entry(at, ENTRY_VISIBILITY), store::DEAD).await;
+                self.p.prefix(Prefix::Add, flat.row(receiver, LIVE), u64::MAX).await;
+                self.note_change(flat, receiver).await;
+            }
         }
     }
 

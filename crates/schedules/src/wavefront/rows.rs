@@ -1,7 +1,7 @@
 //! Rows: each element's links in the order of their sources' names. Rows that changed are made anew: collected, sorted in
 //! chunks, and the chunks merged by rank.
 
-use super::{BEGIN, CHANGED, END, ENTRY_VISIBILITY, FRESH, FRESH_JOIN, Flat, LIVE, UNSORTED};
+use super::{BEGIN, END, ENTRY_VISIBILITY, Entry, FRESH, FRESH_JOIN, Flat, LIVE, UNSORTED};
 use crate::cost;
 use crate::pairs::Pairs;
 use crate::store::{self, Counter, Store};
@@ -16,9 +16,7 @@ const CHUNK: u64 = GATHER_CHUNK as u64;
 const MERGED: u64 = 8;
 
 /// Fresh links, and entries, that are moved at a time.
-const MOVED: u64 = 8;
-
-type Entry = [u64; 5];
+const MOVED: u64 = 9;
 
 impl<P: Processor, K: Pairs> Worker<'_, P, K> {
     /// Makes the rows anew that have lost links or are given fresh ones; `pairs`: each fresh link stands for both directions.
@@ -45,9 +43,7 @@ impl<P: Processor, K: Pairs> Worker<'_, P, K> {
         })
         .await;
         self.each_and_go_on(entries.div_ceil(MOVED), 1, async |block| {
-            for at in block * MOVED..((block + 1) * MOVED).min(entries) {
-                self.move_entry(flat, at).await;
-            }
+            self.move_entries(flat, block * MOVED, ((block + 1) * MOVED).min(entries)).await;
         })
         .await;
         self.each(fresh.div_ceil(MOVED), 1, async |block| {
@@ -71,7 +67,7 @@ impl<P: Processor, K: Pairs> Worker<'_, P, K> {
             let first = unsorted + chunk * CHUNK;
             let sorted = self.sorted(flat, first, CHUNK.min(length - chunk * CHUNK)).await;
             for (at, entry) in (first..).zip(sorted) {
-                self.p.store_block(flat.unsorted(at), entry).await;
+                self.p.store_block(flat.unsorted(at, 0), entry).await;
             }
         })
         .await;
@@ -102,17 +98,29 @@ impl<P: Processor, K: Pairs> Worker<'_, P, K> {
         }
     }
 
-    /// An entry leaves a row that changes: it takes a place from the beginning on.
-    async fn move_entry(&self, flat: &Flat, at: u64) {
-        let words: Entry = self.p.load_block(flat.entry(at, 0)).await;
-        let receiver = words[4] as u32;
-        if words[3] == store::DEAD || self.p.load(flat.row(receiver, CHANGED)).await == 0 {
-            return;
+    /// Entries leave rows that change: they take places from the beginning on.
+    async fn move_entries(&self, flat: &Flat, from: u64, to: u64) {
+        let entries = self.entries(|at| flat.entry(at, 0), from, to).await;
+        let mut known = None;
+        for (at, entry) in (from..).zip(entries) {
+            if entry[3] == store::DEAD {
+                continue;
+            }
+            let receiver = entry[4] as u32;
+            let to = match known {
+                Some((element, to)) if element == receiver => to,
+                _ => {
+                    let [unsorted, changed]: [u64; 2] = self.p.load_block(flat.row(receiver, UNSORTED)).await;
+                    (changed != 0).then_some(unsorted)
+                }
+            };
+            known = Some((receiver, to));
+            if let Some(unsorted) = to {
+                let left = self.p.prefix(Prefix::Add, flat.row(receiver, LIVE), u64::MAX).await;
+                self.p.store_block(flat.unsorted(unsorted + left - 1, 0), entry).await;
+                self.p.store(flat.entry(at, ENTRY_VISIBILITY), store::DEAD).await;
+            }
         }
-        let left = self.p.prefix(Prefix::Add, flat.row(receiver, LIVE), u64::MAX).await;
-        let unsorted = self.p.load(flat.row(receiver, UNSORTED)).await;
-        self.p.store_block(flat.unsorted(unsorted + left - 1), words).await;
-        self.p.store(flat.entry(at, ENTRY_VISIBILITY), store::DEAD).await;
     }
 
     /// A fresh link takes a place in its receiver's row, from the end on.
@@ -128,7 +136,7 @@ impl<P: Processor, K: Pairs> Worker<'_, P, K> {
                 if pairs { (f64::from_bits(words[4]) / self.place(own).area).min(1.0).to_bits() } else { words[4] };
             let behind = self.p.load(flat.row(receiver as u32, END)).await;
             let entry = [source, path, form_factor, words[5], receiver];
-            self.p.store_block(flat.unsorted(behind - 1 - words[6 + end]), entry).await;
+            self.p.store_block(flat.unsorted(behind - 1 - words[6 + end], 0), entry).await;
         }
     }
 
@@ -154,10 +162,7 @@ impl<P: Processor, K: Pairs> Worker<'_, P, K> {
     }
 
     async fn sorted(&self, flat: &Flat, first: u64, many: u64) -> Vec<Entry> {
-        let mut entries: Vec<Entry> = Vec::with_capacity(many as usize);
-        for at in first..first + many {
-            entries.push(self.p.load_block(flat.unsorted(at)).await);
-        }
+        let mut entries = self.entries(|at| flat.unsorted(at, 0), first, first + many).await;
         entries.sort_unstable_by_key(|entry| entry[1]);
         self.charge(cost::ORDER, many * cost::sorting_depth(many)).await;
         entries
@@ -168,14 +173,14 @@ impl<P: Processor, K: Pairs> Worker<'_, P, K> {
         let [begin, length, _, _, unsorted]: [u64; 5] = self.p.load_block(flat.row(element, BEGIN)).await;
         let many = CHUNK.min(length - chunk * CHUNK);
         for k in from..(from + MERGED).min(many) {
-            let entry: Entry = self.p.load_block(flat.unsorted(unsorted + chunk * CHUNK + k)).await;
+            let entry: Entry = self.p.load_block(flat.unsorted(unsorted + chunk * CHUNK + k, 0)).await;
             let mut rank = k;
             for other in (0..length.div_ceil(CHUNK)).filter(|&other| other != chunk) {
                 let first = unsorted + other * CHUNK;
                 let (mut low, mut high) = (0, CHUNK.min(length - other * CHUNK));
                 while low < high {
                     let middle = u64::midpoint(low, high);
-                    let path = self.p.load(flat.unsorted_path(first + middle)).await;
+                    let path = self.p.load(flat.unsorted(first + middle, 1)).await;
                     if path < entry[1] { low = middle + 1 } else { high = middle }
                 }
                 self.charge(cost::ORDER, 1).await;

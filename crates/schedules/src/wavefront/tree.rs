@@ -29,6 +29,8 @@ impl<P: Processor, K: Pairs> Worker<'_, P, K> {
             self.each(high - low, 1, async |index| self.sink(flat, (low + index) as u32).await).await;
             low = high;
             high = self.p.load(self.cx.store.counter(Counter::Pieces)).await;
+            // The next level adds to the counter: not before everyone has read it.
+            self.barrier().await;
         }
         self.p.enter(before);
     }

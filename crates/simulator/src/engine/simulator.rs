@@ -3,6 +3,8 @@
 use std::cell::RefCell;
 use std::future::Future;
 use std::rc::Rc;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 use std::task::{Context, Poll, Waker};
 
 use isolux_machine::{
@@ -73,6 +75,13 @@ impl<M: Memory> SimulatorOf<M> {
     #[must_use]
     pub fn polling(self, polling: Polling) -> Self {
         self.state.borrow_mut().every_poll = polling == Polling::EveryPoll;
+        self
+    }
+
+    /// Runs end with [`RunError::Stopped`] soon after this is set.
+    #[must_use]
+    pub fn stopped_by(self, stop: Arc<AtomicBool>) -> Self {
+        self.state.borrow_mut().stop = Some(stop);
         self
     }
 

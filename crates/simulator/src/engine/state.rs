@@ -2,6 +2,8 @@
 //! are issued, and take effect in order.
 
 use std::collections::VecDeque;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 use isolux_machine::{
     Address, BLOCK_WORDS, BarrierId, ByCause, Cause, Counts, Fault, LockId, Mark, Prefix, Region, RunError, Sequence,
@@ -122,6 +124,8 @@ pub(super) struct State<M> {
     pub(super) blocks: Blocks,
     pub(super) spans: Spans,
     pub(super) every_poll: bool,
+    /// Ends the run with an error when it is set.
+    pub(super) stop: Option<Arc<AtomicBool>>,
     pub(super) trace: Option<Trace>,
     error: Option<RunError>,
     /// Processors whose programs can go on.
@@ -142,6 +146,9 @@ pub(super) struct State<M> {
 /// Either a group of its own, or four entries in lists of a group, once by place and three times by phase (less than 96
 /// bytes each).
 const AMONG_WATCHERS: usize = if Watches::GROUP_BYTES > 4 * 96 { Watches::GROUP_BYTES } else { 4 * 96 };
+
+/// Effects between two looks at whether to stop: some milliseconds.
+const ASKED_EVERY: u64 = 1 << 14;
 
 const START: Mark = Mark::new(Cause::Work, "start");
 const ENDED: Mark = Mark::new(Cause::Idle, "ended");
@@ -166,6 +173,7 @@ impl<M: Memory> State<M> {
             blocks: Blocks::default(),
             spans: Spans::default(),
             every_poll: false,
+            stop: None,
             trace: None,
             error: None,
             ready: VecDeque::new(),
@@ -422,6 +430,10 @@ impl<M: Memory> State<M> {
     /// An operation takes effect; gives its outcome unless it has to wait.
     fn take_effect(&mut self, now: Time, processor: u32, op: Op) -> Option<u64> {
         self.happened += 1;
+        if self.happened.is_multiple_of(ASKED_EVERY) && self.stop.as_ref().is_some_and(|stop| stop.load(Relaxed)) {
+            self.error = Some(RunError::Stopped);
+            return None;
+        }
         match op {
             Op::Load(at) => {
                 let Some(word) = self.words.get(at) else { return self.fail(processor, Fault::Address(at)) };
