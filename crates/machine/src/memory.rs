@@ -8,7 +8,7 @@ use thiserror::Error;
 pub const PAGE_WORDS: u64 = 512;
 
 /// Words that a machine can name. Two to the power 34 words are 128 GB: more than a run touches, and few enough for the
-/// table of a machine's chunks (16 bytes for 4096 words) to fit.
+/// table of a machine's chunks (8 bytes for 4096 words) to fit.
 const WORDS_MAX: u64 = 1 << 34;
 
 /// A shared word of a machine. Comes from a [`Region`], never from the host's memory.
@@ -179,11 +179,13 @@ impl Layout {
 /// Words of a chunk of [`Words`].
 const CHUNK_WORDS: usize = 1 << 12;
 
+type Chunk = Option<Box<[u64; CHUNK_WORDS]>>;
+
 /// The words of a machine that one thread runs, zero at first. Memory is taken in chunks, as they are written.
 #[derive(Debug, Default)]
 pub struct Words {
     limit: u64,
-    chunks: Vec<Option<Box<[u64]>>>,
+    chunks: Vec<Chunk>,
 }
 
 impl Words {
@@ -194,12 +196,33 @@ impl Words {
     }
 
     /// A word; `None` outside the layout.
+    #[inline]
     pub fn get(&self, at: Address) -> Option<u64> {
         if at.0 >= self.limit {
             return None;
         }
         let (chunk, word) = split(at);
         Some(self.chunks[chunk].as_ref().map_or(0, |c| c[word]))
+    }
+
+    /// Reads consecutive words; `None` if one of them is outside the layout.
+    #[inline]
+    pub fn read(&self, at: Address, words: &mut [u64]) -> Option<()> {
+        if at.0.checked_add(words.len() as u64)? > self.limit {
+            return None;
+        }
+        let (chunk, word) = split(at);
+        if word + words.len() > CHUNK_WORDS {
+            for (word, address) in words.iter_mut().zip(at.0..) {
+                *word = self.get(Address(address))?;
+            }
+            return Some(());
+        }
+        match self.chunks.get(chunk).and_then(Option::as_ref) {
+            Some(chunk) => words.copy_from_slice(&chunk[word..word + words.len()]),
+            None => words.fill(0),
+        }
+        Some(())
     }
 
     /// Sets a word between runs.
@@ -214,13 +237,19 @@ impl Words {
     }
 
     /// A word to be written; `None` outside the layout.
+    #[inline]
     pub fn get_mut(&mut self, at: Address) -> Option<&mut u64> {
         if at.0 >= self.limit {
             return None;
         }
         let (chunk, word) = split(at);
-        Some(&mut self.chunks[chunk].get_or_insert_with(|| vec![0; CHUNK_WORDS].into_boxed_slice())[word])
+        Some(&mut self.chunks[chunk].get_or_insert_with(new_chunk)[word])
     }
+}
+
+#[cold]
+fn new_chunk() -> Box<[u64; CHUNK_WORDS]> {
+    vec![0; CHUNK_WORDS].into_boxed_slice().try_into().expect("as many words")
 }
 
 /// The chunk of a word, and its place there.
@@ -279,6 +308,29 @@ mod tests {
         }
         assert_eq!(ends.map(|at| words.get(at)), [Some(1), Some(2)]);
         assert_eq!(words.get_mut(Address(1 << 33)), None);
+    }
+
+    /// Catches words read together that differ from those read one by one: within a chunk, from one to the next, where
+    /// nothing was written, at the end.
+    #[test]
+    fn words_are_read_together_as_one_by_one() {
+        let mut layout = Layout::default();
+        let mut words = Words::default();
+        let region = layout.allocate("a", 5 * CHUNK_WORDS as u64, Home::RoundRobin, 1).expect("fits");
+        words.cover(&layout);
+        let limit = layout.limit();
+        for at in (0..2 * CHUNK_WORDS as u64).chain(limit - CHUNK_WORDS as u64..limit) {
+            *words.get_mut(Address(at)).expect("covered") = at + 1;
+        }
+        let begins = [0, 1, CHUNK_WORDS as u64, 3 * CHUNK_WORDS as u64 - 3, limit - 8, limit - 7, limit, u64::MAX];
+        for begin in begins.into_iter().chain([CHUNK_WORDS as u64 - 4, 2 * CHUNK_WORDS as u64 - 7]) {
+            let at = Address(begin);
+            let expected: Option<Vec<_>> = (0..8).map(|i| words.get(at.plus(i))).collect();
+            let mut together = [u64::MAX; 8];
+            let read = words.read(at, &mut together).map(|()| together.to_vec());
+            assert_eq!(read, expected, "from {begin}");
+        }
+        assert_eq!(region.at(0).word(), 0);
     }
 
     /// Catches an index that reaches into the neighbouring region.

@@ -72,6 +72,8 @@ pub struct WorkClass(pub usize);
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Work {
     counts: [u64; Work::CLASSES_MAX],
+    /// A bit for each class that has a count: few have, and only these are gone through.
+    some: u16,
 }
 
 impl Work {
@@ -85,15 +87,35 @@ impl Work {
     /// When `class` is not below [`Work::CLASSES_MAX`].
     pub fn of(class: WorkClass, count: u64) -> Self {
         let mut work = Self::default();
-        work.counts[class.0] = count;
+        work.add_of(class, count);
         work
+    }
+
+    /// Adds `count` of one class.
+    ///
+    /// # Panics
+    ///
+    /// When `class` is not below [`Work::CLASSES_MAX`].
+    pub fn add_of(&mut self, class: WorkClass, count: u64) {
+        self.counts[class.0] = self.counts[class.0].saturating_add(count);
+        self.some |= u16::from(count != 0) << class.0;
     }
 
     /// Adds all counts of another.
     pub fn add(&mut self, other: &Self) {
-        for (mine, theirs) in self.counts.iter_mut().zip(&other.counts) {
-            *mine = mine.saturating_add(*theirs);
+        for (class, count) in other.charged() {
+            self.add_of(class, count);
         }
+    }
+
+    /// The classes that have a count, in order, and their counts.
+    pub fn charged(&self) -> impl Iterator<Item = (WorkClass, u64)> + use<'_> {
+        let mut left = self.some;
+        std::iter::from_fn(move || {
+            let class = left.trailing_zeros() as usize;
+            left &= left.wrapping_sub(1);
+            self.counts.get(class).map(|&count| (WorkClass(class), count))
+        })
     }
 
     /// The counts in the order of the classes; those of classes that the machine does not have are zero.
@@ -103,7 +125,8 @@ impl Work {
 
     /// The first class from `classes` on that has a count.
     pub fn beyond(&self, classes: usize) -> Option<WorkClass> {
-        (classes.min(Self::CLASSES_MAX)..Self::CLASSES_MAX).find(|&c| self.counts[c] != 0).map(WorkClass)
+        let beyond = self.some & u16::MAX.checked_shl(classes as u32).unwrap_or(0);
+        (beyond != 0).then(|| WorkClass(beyond.trailing_zeros() as usize))
     }
 }
 
@@ -289,6 +312,13 @@ mod tests {
         work.add(&Work::of(WorkClass(0), u64::MAX));
         work.add(&Work::of(WorkClass(0), 1));
         assert_eq!(work.counts()[..3], [u64::MAX, 0, 6]);
+        work.add(&Work::of(WorkClass(15), 1));
+        work.add_of(WorkClass(1), 0);
+        let charged: Vec<_> = work.charged().collect();
+        assert_eq!(charged, [(WorkClass(0), u64::MAX), (WorkClass(2), 6), (WorkClass(15), 1)]);
+        assert_eq!((work.beyond(15), work.beyond(16), work.beyond(17)), (Some(WorkClass(15)), None, None));
+        work = Work::of(WorkClass(2), 6);
+        assert_eq!(Work::of(WorkClass(1), 0), Work::default());
         assert_eq!(work.beyond(2), Some(WorkClass(2)));
         assert_eq!(work.beyond(3), None);
     }

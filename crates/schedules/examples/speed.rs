@@ -1,7 +1,8 @@
-//! How fast whole runs of schedules are simulated: the room, with the paper's thresholds. Each run is made twice with the
-//! same memory of pairs; the second, which evaluates no kernel, is measured.
+//! How fast whole runs of schedules are simulated: the room, with the paper's thresholds. Each is run twice, or more
+//! often, with the same memory of pairs; of all but the first, which evaluates kernels, the fastest counts, in processor time
+//! where the system tells (on Linux), so that others at work beside it count for less.
 //!
-//! `cargo run --release -p isolux-schedules --example speed [-- [--bf SHARE] [MACHINE] [SCHEDULE] [PROCESSORS]]`; what is not
+//! `cargo run --release -p isolux-schedules --example speed [-- [--bf SHARE] [--times N] [MACHINE] [SCHEDULE] [PROCESSORS]]`; what is not
 //! named runs for all values. The digest is of every phase's clock, span, times and counts: a change that only makes runs
 //! faster leaves it as it is.
 
@@ -52,6 +53,25 @@ impl Measured {
     }
 }
 
+/// Seconds of this thread's processor time, else of real time.
+struct Stopwatch(Instant, Option<f64>);
+
+impl Stopwatch {
+    fn processor_time() -> Option<f64> {
+        let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
+        Some(text.split_whitespace().next()?.parse::<f64>().ok()? / 1e9)
+    }
+
+    fn start() -> Stopwatch {
+        Stopwatch(Instant::now(), Self::processor_time())
+    }
+
+    fn seconds(&self) -> f64 {
+        let on_processor = Self::processor_time().zip(self.1).map(|(now, start)| now - start);
+        on_processor.unwrap_or_else(|| self.0.elapsed().as_secs_f64())
+    }
+}
+
 fn solve<M: Machine>(
     mut machine: M,
     problem: &Problem<'_>,
@@ -60,23 +80,26 @@ fn solve<M: Machine>(
     events: impl Fn(&M) -> u64,
 ) -> Result<Measured, ScheduleError> {
     let mut measured = Measured::default();
-    let begin = Instant::now();
+    let watch = Stopwatch::start();
     run(&mut machine, problem, Remembered::new(problem, memory), schedule, SIZES, 50, &mut |machine, _, phase| {
         measured.add(phase, events(machine));
         true
     })?;
     drop(machine);
-    measured.seconds = begin.elapsed().as_secs_f64();
+    measured.seconds = watch.seconds();
     Ok(measured)
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut bf = 0.03;
+    let mut times = 1;
     let mut only: Vec<String> = Vec::new();
     let mut arguments = std::env::args().skip(1);
     while let Some(argument) = arguments.next() {
         if argument == "--bf" {
             bf = arguments.next().ok_or("--bf needs a share of the pilot's irradiance")?.parse()?;
+        } else if argument == "--times" {
+            times = arguments.next().ok_or("--times needs a number")?.parse()?;
         } else {
             only.push(argument);
         }
@@ -130,7 +153,14 @@ fn main() -> Result<(), Box<dyn Error>> {
                     })
                 };
                 once()?;
-                let Measured { seconds, events, clock, work, digest } = once()?;
+                let mut fastest = once()?;
+                for _ in 1..times {
+                    let again = once()?;
+                    if again.seconds < fastest.seconds {
+                        fastest = again;
+                    }
+                }
+                let Measured { seconds, events, clock, work, digest } = fastest;
                 let millions = events as f64 / 1e6;
                 let (rate, digest) = (millions / seconds, digest.finish());
                 println!(

@@ -68,9 +68,14 @@ pub fn corner_steps(points: u64, levels: u64) -> u64 {
 /// What a kernel counted, by class.
 pub(crate) fn of_kernel(counts: &Counts) -> Work {
     let mut work = Work::default();
+    add_kernel(&mut work, counts);
+    work
+}
+
+/// Adds what a kernel counted.
+pub(crate) fn add_kernel(work: &mut Work, counts: &Counts) {
     let by_class = [counts.form_factors, counts.visibilities, counts.rays, counts.node_visits, counts.fragment_tests];
     for (class, count) in by_class.into_iter().enumerate() {
-        work.add(&Work::of(WorkClass(class), count));
+        work.add_of(WorkClass(class), count);
     }
-    work
 }

@@ -9,6 +9,7 @@ use isolux_core::links::Evaluator;
 use isolux_machine::Work;
 use rustc_hash::{FxHashMap, FxHasher};
 use std::hash::{Hash, Hasher};
+use std::ops::Range;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Nodes and fragments of the tree that a visibility's rays come by, each once, in the order in which they do.
@@ -31,12 +32,17 @@ pub trait Pairs: Sync {
     /// The visibility, and the work of one evaluation.
     fn sight(&self, a: &Place, b: &Place) -> (Sight, Work);
 
-    /// The visibility, and the work of its evaluation in 16 parts that can be done one by one: a ray each.
-    fn sight_in_parts(&self, a: &Place, b: &Place) -> (Sight, [Work; 16]) {
+    /// The visibility, and the work of some of the parts of its evaluation: there are 16 that can be done one by one, a ray
+    /// each.
+    fn sight_part(&self, a: &Place, b: &Place, parts: Range<usize>) -> (Sight, Work) {
         let (sight, work) = self.sight(a, b);
-        let mut parts = [Work::default(); RAY_PARTS];
-        parts[0] = work;
-        (sight, parts)
+        (sight, if parts.contains(&0) { work } else { Work::default() })
+    }
+
+    /// The visibility, and the work of all parts of its evaluation.
+    fn sight_in_parts(&self, a: &Place, b: &Place) -> (Sight, [Work; 16]) {
+        let (sight, _) = self.sight_part(a, b, 0..0);
+        (sight, std::array::from_fn(|part| self.sight_part(a, b, part..part + 1).1))
     }
 
     /// What the rays of the visibility touch.
@@ -85,32 +91,47 @@ const SHARDS: usize = 64;
 /// A pair, by its names in order.
 type PairKey = [u64; 2];
 
+/// Rays, node visits and fragment tests.
+type Counted = [u16; 3];
+
+/// What is known of a pair. Small, since there are hundreds of thousands, and each is looked up several times in a run.
 #[derive(Clone, Copy, Debug)]
-struct Seen {
-    sight: Sight,
-    /// Rays, node visits and fragment tests of each part.
-    parts: [[u16; 3]; RAY_PARTS],
+struct Known {
+    /// Not a number where it was not asked for yet.
+    exchange: f64,
+    /// The visibility, if there are parts.
+    share: f64,
+    proven: bool,
+    /// Counts of all parts together.
+    counted: [u32; 3],
+    /// One more than its place among the counts by part, where the visibility was asked for.
+    parts: u32,
 }
 
-impl Seen {
-    fn part(&self, part: usize) -> Counts {
-        let [rays, node_visits, fragment_tests] = self.parts[part].map(u64::from);
-        let visibilities = u64::from(part == 0);
-        Counts { visibilities, rays, node_visits, fragment_tests, ..Counts::default() }
+impl Default for Known {
+    fn default() -> Known {
+        Known { exchange: f64::NAN, share: 0.0, proven: false, counted: [0; 3], parts: 0 }
     }
+}
 
-    fn all(&self) -> Counts {
-        let mut all = Counts::default();
-        (0..RAY_PARTS).for_each(|part| all.add(&self.part(part)));
-        all
+impl Known {
+    fn sight(&self) -> Sight {
+        Sight { share: self.share, proven: self.proven }
     }
+}
+
+/// The work of a visibility, or of the part of it that has so many rays, node visits and fragment tests.
+fn add_sight(work: &mut Work, first: bool, counted: [u64; 3]) {
+    let [rays, node_visits, fragment_tests] = counted;
+    let visibilities = u64::from(first);
+    cost::add_kernel(work, &Counts { visibilities, rays, node_visits, fragment_tests, ..Counts::default() });
 }
 
 /// Counts ray by ray; of more than [`RAY_PARTS`] rays, several share a part.
 #[derive(Default)]
 struct PartCounts {
     rays: usize,
-    parts: [[u16; 3]; RAY_PARTS],
+    parts: [Counted; RAY_PARTS],
 }
 
 impl PartCounts {
@@ -135,8 +156,8 @@ impl Probe for PartCounts {
 
 #[derive(Debug, Default)]
 struct Shard {
-    exchange: FxHashMap<PairKey, f64>,
-    seen: FxHashMap<PairKey, Seen>,
+    known: FxHashMap<PairKey, Known>,
+    parts: Vec<[Counted; RAY_PARTS]>,
     touched: FxHashMap<PairKey, Arc<Touched>>,
 }
 
@@ -179,17 +200,29 @@ impl<'a> Remembered<'a> {
 }
 
 impl Remembered<'_> {
-    fn seen(&self, a: &Place, b: &Place) -> Seen {
+    /// What is known of a pair, once its visibility is; and what `ask` finds among its counts by part.
+    fn seen<T>(&self, a: &Place, b: &Place, ask: impl Fn(&Known, &[Counted; RAY_PARTS]) -> T) -> T {
         let key = key(a, b);
-        let known = self.memory.shard(key).seen.get(&key).copied();
-        known.unwrap_or_else(|| {
-            let mut counts = PartCounts::default();
-            let (a, b) = (self.problem.named(a), self.problem.named(b));
-            let sight = self.evaluator.sight_ray_by_ray_of(a, b, &mut counts);
-            let seen = Seen { sight, parts: counts.parts };
-            self.memory.shard(key).seen.insert(key, seen);
-            seen
-        })
+        let shard = self.memory.shard(key);
+        if let Some(known) = shard.known.get(&key)
+            && let Some(parts) = known.parts.checked_sub(1)
+        {
+            return ask(known, &shard.parts[parts as usize]);
+        }
+        drop(shard);
+        let mut counts = PartCounts::default();
+        let (a, b) = (self.problem.named(a), self.problem.named(b));
+        let Sight { share, proven } = self.evaluator.sight_ray_by_ray_of(a, b, &mut counts);
+        let mut counted = [0; 3];
+        for part in &counts.parts {
+            counted.iter_mut().zip(part).for_each(|(all, &count)| *all += u32::from(count));
+        }
+        let mut shard = self.memory.shard(key);
+        shard.parts.push(counts.parts);
+        let parts = shard.parts.len() as u32;
+        let known = shard.known.entry(key).or_default();
+        *known = Known { share, proven, counted, parts, ..*known };
+        ask(known, &counts.parts)
     }
 }
 
@@ -224,23 +257,42 @@ impl Pairs for Remembered<'_> {
         let key = key(a, b);
         let counts = Counts { form_factors: 1, ..Counts::default() };
         let work = cost::of_kernel(&counts);
-        if let Some(&exchange) = self.memory.shard(key).exchange.get(&key) {
+        let known = self.memory.shard(key).known.get(&key).map(|known| known.exchange);
+        if let Some(exchange) = known.filter(|exchange| !exchange.is_nan()) {
             return (exchange, work);
         }
         let pair = [self.problem.named(a), self.problem.named(b)];
         let exchange = self.evaluator.exchange_area_of(pair[0], pair[1], &mut NoProbe);
-        self.memory.shard(key).exchange.insert(key, exchange);
+        self.memory.shard(key).known.entry(key).or_default().exchange = exchange;
         (exchange, work)
     }
 
     fn sight(&self, a: &Place, b: &Place) -> (Sight, Work) {
-        let seen = self.seen(a, b);
-        (seen.sight, cost::of_kernel(&seen.all()))
+        self.seen(a, b, |known, _| {
+            let mut work = Work::default();
+            add_sight(&mut work, true, known.counted.map(u64::from));
+            (known.sight(), work)
+        })
+    }
+
+    fn sight_part(&self, a: &Place, b: &Place, parts: Range<usize>) -> (Sight, Work) {
+        self.seen(a, b, |known, counted| {
+            let mut work = Work::default();
+            for part in parts.clone() {
+                add_sight(&mut work, part == 0, counted[part].map(u64::from));
+            }
+            (known.sight(), work)
+        })
     }
 
     fn sight_in_parts(&self, a: &Place, b: &Place) -> (Sight, [Work; 16]) {
-        let seen = self.seen(a, b);
-        (seen.sight, std::array::from_fn(|part| cost::of_kernel(&seen.part(part))))
+        self.seen(a, b, |known, counted| {
+            let mut works = [Work::default(); RAY_PARTS];
+            for (part, work) in works.iter_mut().enumerate() {
+                add_sight(work, part == 0, counted[part].map(u64::from));
+            }
+            (known.sight(), works)
+        })
     }
 
     fn touched(&self, a: &Place, b: &Place) -> Arc<Touched> {

@@ -11,20 +11,27 @@ pub(super) struct Blocks {
 }
 
 impl Blocks {
-    /// Keeps at most [`BLOCK_WORDS`] words.
-    pub(super) fn keep(&mut self, words: &[u64]) -> u32 {
+    /// A block to be filled.
+    pub(super) fn unused(&mut self) -> (u32, &mut [u64; BLOCK_WORDS]) {
         let number = self.unused.pop().unwrap_or_else(|| {
             self.blocks.push([0; BLOCK_WORDS]);
             self.blocks.len() as u32 - 1
         });
-        self.blocks[number as usize][..words.len()].copy_from_slice(words);
+        (number, &mut self.blocks[number as usize])
+    }
+
+    /// Keeps at most [`BLOCK_WORDS`] words.
+    pub(super) fn keep<const N: usize>(&mut self, words: &[u64; N]) -> u32 {
+        let (number, block) = self.unused();
+        block[..N].copy_from_slice(words);
         number
     }
 
-    /// Gives a block back; what lies beyond its words means nothing.
-    pub(super) fn take(&mut self, number: u32) -> [u64; BLOCK_WORDS] {
+    /// Gives a block back, and its first words; what lies beyond those that were kept means nothing.
+    pub(super) fn take<const N: usize>(&mut self, number: u32) -> [u64; N] {
         self.unused.push(number);
-        self.blocks[number as usize]
+        let block = &self.blocks[number as usize];
+        std::array::from_fn(|i| block[i])
     }
 
     pub(super) fn clear(&mut self) {

@@ -37,6 +37,13 @@ pub(super) struct Event {
     pub(super) what: What,
 }
 
+impl Event {
+    /// Its rank and processor as one number.
+    pub(super) fn order(&self) -> u128 {
+        u128::from(self.rank.0) << 32 | u128::from(self.processor)
+    }
+}
+
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum What {
     /// The operation that the processor has issued.

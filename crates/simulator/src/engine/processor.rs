@@ -33,26 +33,49 @@ impl<M: Memory> ProcessorOf<M> {
         Self { id, state }
     }
 
-    fn operation<T>(&self, op: Op, outcome: fn(u64) -> T) -> Operation<'_, M, T> {
+    fn operation<T, F: Fn(u64) -> T>(&self, op: Op, outcome: F) -> Operation<'_, M, F> {
         Operation { processor: self, op: Some(op), outcome }
     }
 }
 
 /// An operation on its way: issued when first polled, ready when its processor is resumed.
-struct Operation<'a, M, T> {
+struct Operation<'a, M, F> {
     processor: &'a ProcessorOf<M>,
     op: Option<Op>,
-    outcome: fn(u64) -> T,
+    outcome: F,
 }
 
-impl<M: Memory, T> Future for Operation<'_, M, T> {
+impl<M: Memory, T, F: Fn(u64) -> T + Unpin> Future for Operation<'_, M, F> {
     type Output = T;
 
+    #[inline]
     fn poll(mut self: Pin<&mut Self>, _: &mut Context<'_>) -> Poll<T> {
         let (id, op) = (self.processor.id, self.op.take());
         let mut state = self.processor.state.borrow_mut();
         let outcome = match op {
             Some(op) => state.issue(id, op),
+            None => state.outcome(id),
+        };
+        outcome.map_or(Poll::Pending, |o| Poll::Ready((self.outcome)(o)))
+    }
+}
+
+/// A wait on its way: what it waits for is kept with the machine's state from the first poll on.
+struct Waiting<'a, M, F> {
+    processor: &'a ProcessorOf<M>,
+    wait: Option<(Sequence, Until)>,
+    spins: bool,
+    outcome: F,
+}
+
+impl<M: Memory, T, F: Fn(u64) -> T + Unpin> Future for Waiting<'_, M, F> {
+    type Output = T;
+
+    fn poll(mut self: Pin<&mut Self>, _: &mut Context<'_>) -> Poll<T> {
+        let (id, wait) = (self.processor.id, self.wait.take());
+        let mut state = self.processor.state.borrow_mut();
+        let outcome = match wait {
+            Some((cells, until)) => state.issue_wait(id, cells, until, self.spins),
             None => state.outcome(id),
         };
         outcome.map_or(Poll::Pending, |o| Poll::Ready((self.outcome)(o)))
@@ -126,12 +149,12 @@ impl<M: Memory> Processor for ProcessorOf<M> {
 
     fn wait_while(&self, at: Address, condition: Condition) -> impl Future<Output = u64> {
         let until = Until { condition, holds: false };
-        self.operation(Op::Wait { cells: Sequence::one(at), until, spins: true }, |word| word)
+        Waiting { processor: self, wait: Some((Sequence::one(at), until)), spins: true, outcome: |word| word }
     }
 
     fn scan(&self, cells: Sequence, until: Condition) -> impl Future<Output = usize> {
         let until = Until { condition: until, holds: true };
-        self.operation(Op::Wait { cells, until, spins: false }, |position| position as usize)
+        Waiting { processor: self, wait: Some((cells, until)), spins: false, outcome: |position| position as usize }
     }
 
     async fn load_block<const N: usize>(&self, at: Address) -> [u64; N] {
@@ -140,8 +163,7 @@ impl<M: Memory> Processor for ProcessorOf<M> {
             return [0; N];
         }
         let block = self.operation(Op::LoadBlock(at, N as u8), |block| block).await;
-        let words = self.state.borrow_mut().blocks.take(block as u32);
-        std::array::from_fn(|i| words[i])
+        self.state.borrow_mut().blocks.take(block as u32)
     }
 
     fn store_block<const N: usize>(&self, at: Address, values: [u64; N]) -> impl Future<Output = ()> {

@@ -149,7 +149,8 @@ impl Queue {
             self.far.pop();
         }
         if self.batch.len() > 1 {
-            self.batch.sort_unstable_by(|a, b| b.cmp(a));
+            // Of one time; hardly ever do two differ in nothing but what they are.
+            self.batch.sort_unstable_by(|a, b| b.order().cmp(&a.order()).then_with(|| b.what.cmp(&a.what)));
         }
         let far = self.far.peek().map_or(Time(u64::MAX), |Reverse(event)| event.time);
         self.next = far.min(self.next_unit(unit));

@@ -8,7 +8,7 @@ use std::sync::atomic::AtomicBool;
 use std::task::{Context, Poll, Waker};
 
 use isolux_machine::{
-    Address, BarrierId, Fault, Home, Layout, LockId, Machine, MemoryError, Region, Run, RunError, check_request,
+    Address, BarrierId, Home, Layout, LockId, Machine, MemoryError, Region, Run, RunError, check_request,
 };
 
 use super::memory::Memory;
@@ -165,26 +165,20 @@ impl<M: Memory> Machine for SimulatorOf<M> {
         let mut futures: Vec<_> = (0..self.count).map(start).collect();
         let mut values: Vec<Option<T>> = (0..self.count).map(|_| None).collect();
         let mut context = Context::from_waker(Waker::noop());
-        loop {
-            let ready = self.state.borrow_mut().ready.pop_front();
-            if let Some(id) = ready {
-                let future = &mut futures[id as usize];
-                let polled = future.as_mut().map(|f| f.as_mut().poll(&mut context));
-                let mut state = self.state.borrow_mut();
-                if let Some(Poll::Ready(value)) = polled {
-                    state.end(id);
-                    values[id as usize] = Some(value);
-                    drop(state);
-                    *future = None;
-                } else if state.error.is_none() && !state.waits(id) {
-                    state.fail(id, Fault::Foreign);
-                }
-            } else if !self.state.borrow_mut().step() {
-                break;
+        let mut next = self.state.borrow_mut().next_ready()?;
+        while let Some(id) = next {
+            let future = &mut futures[id as usize];
+            let polled = future.as_mut().map(|f| f.as_mut().poll(&mut context));
+            if let Some(Poll::Ready(value)) = polled {
+                values[id as usize] = Some(value);
+                *future = None;
+                self.state.borrow_mut().end(id);
             }
-            if let Some(error) = self.state.borrow().error {
-                return Err(error);
+            let mut state = self.state.borrow_mut();
+            if future.is_some() {
+                state.pause(id);
             }
+            next = state.next_ready()?;
         }
         let mut state = self.state.borrow_mut();
         if let Some(error) = state.stuck() {

@@ -51,10 +51,9 @@ pub(super) enum Op {
     Unlock(LockId),
     Lock(LockId),
     Barrier(BarrierId),
-    /// Polls until a word ends it: the one word of a spin, which is its outcome, or one of a scan, whose number is.
+    /// Polls until a word ends it: the one word of a spin, which is its outcome, or one of a scan, whose number is. What it
+    /// waits for is in [`Waiting`].
     Wait {
-        cells: Sequence,
-        until: Until,
         spins: bool,
     },
 }
@@ -85,14 +84,26 @@ enum Status {
     Ended,
 }
 
+/// What is looked at with each of a processor's operations: small, since there may be thousands.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Slot {
+struct Slot {
     now: Time,
     status: Status,
     mark: Mark,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Account {
     time: ByCause,
     counts: Counts,
-    /// Polls of the present wait after the first, where each is simulated.
+}
+
+/// What a processor waits for, or waited for last.
+#[derive(Clone, Copy, Debug)]
+struct Waiting {
+    cells: Sequence,
+    until: Until,
+    /// Polls after the first, where each is simulated.
     polls: u64,
 }
 
@@ -116,12 +127,14 @@ pub(super) struct State<M> {
     /// Ends the run with an error when it is set.
     pub(super) stop: Option<Arc<AtomicBool>>,
     pub(super) trace: Option<Trace>,
-    pub(super) error: Option<RunError>,
+    error: Option<RunError>,
     /// Processors whose programs can go on.
-    pub(super) ready: VecDeque<u32>,
+    ready: VecDeque<u32>,
     /// Effects and polls simulated.
     pub(super) happened: u64,
     slots: Vec<Slot>,
+    accounts: Vec<Account>,
+    waits: Vec<Option<Waiting>>,
     locks: Vec<Lock>,
     barriers: Vec<Vec<u32>>,
     queue: Queue,
@@ -143,7 +156,12 @@ const ENDED: Mark = Mark::new(Cause::Idle, "ended");
 impl<M: Memory> State<M> {
     /// Bytes that a processor takes here while it waits, its program's own state not included: its slot, two events,
     /// its place among the watchers, its chain.
-    pub(super) const PARKED_BYTES: usize = size_of::<Slot>() + 2 * Queue::EVENT_BYTES + AMONG_WATCHERS + Spans::BYTES;
+    pub(super) const PARKED_BYTES: usize = size_of::<Slot>()
+        + size_of::<Account>()
+        + size_of::<Option<Waiting>>()
+        + 2 * Queue::EVENT_BYTES
+        + AMONG_WATCHERS
+        + Spans::BYTES;
 
     /// Without words, with these costs.
     pub(super) fn new(costs: Costs, memory: M) -> Self {
@@ -161,6 +179,8 @@ impl<M: Memory> State<M> {
             ready: VecDeque::new(),
             happened: 0,
             slots: vec![],
+            accounts: vec![],
+            waits: vec![],
             locks: vec![],
             barriers: vec![],
             queue: Queue::default(),
@@ -171,15 +191,9 @@ impl<M: Memory> State<M> {
 
     /// Before a run: all processors at the start; words as they are.
     pub(super) fn begin(&mut self, processors: usize, locks: u32, barriers: u32, trace: bool) {
-        let slot = Slot {
-            now: Time(0),
-            status: Status::Runs,
-            mark: START,
-            time: ByCause::default(),
-            counts: Counts::default(),
-            polls: 0,
-        };
-        self.slots = vec![slot; processors];
+        self.slots = vec![Slot { now: Time(0), status: Status::Runs, mark: START }; processors];
+        self.accounts = vec![Account::default(); processors];
+        self.waits = vec![None; processors];
         self.locks = vec![Lock::default(); locks as usize];
         self.barriers = vec![vec![]; barriers as usize];
         self.watches = Watches::new(processors);
@@ -217,6 +231,12 @@ impl<M: Memory> State<M> {
         Some(outcome)
     }
 
+    /// A processor begins to wait.
+    pub(super) fn issue_wait(&mut self, processor: u32, cells: Sequence, until: Until, spins: bool) -> Option<u64> {
+        self.waits[processor as usize] = Some(Waiting { cells, until, polls: 0 });
+        self.issue(processor, Op::Wait { spins })
+    }
+
     /// The outcome of the operation that a processor issued, once it has ended.
     pub(super) fn outcome(&mut self, processor: u32) -> Option<u64> {
         let slot = &mut self.slots[processor as usize];
@@ -235,9 +255,8 @@ impl<M: Memory> State<M> {
             self.fail(processor, Fault::NoWorkClass(class));
             return false;
         }
-        let parts: u128 =
-            work.counts().iter().zip(&self.costs.work).map(|(&n, &cost)| u128::from(n) * u128::from(cost)).sum();
-        self.slots[processor as usize].counts.work.add(work);
+        let parts: u128 = work.charged().map(|(class, n)| u128::from(n) * u128::from(self.costs.work[class.0])).sum();
+        self.counts(processor).work.add(work);
         let cause = self.slots[processor as usize].mark.cause;
         match u64::try_from(parts.div_ceil(1000)) {
             Ok(units) => self.spend(processor, cause, units),
@@ -248,8 +267,23 @@ impl<M: Memory> State<M> {
         self.error.is_none()
     }
 
+    /// The next processor whose program can go on, after as many events as it takes; `None` when nothing is left to happen.
+    pub(super) fn next_ready(&mut self) -> Result<Option<u32>, RunError> {
+        loop {
+            if let Some(error) = self.error {
+                return Err(error);
+            }
+            if let Some(id) = self.ready.pop_front() {
+                return Ok(Some(id));
+            }
+            if !self.step() {
+                return Ok(None);
+            }
+        }
+    }
+
     /// The next event happens. Nothing is left to happen when it gives `false`.
-    pub(super) fn step(&mut self) -> bool {
+    fn step(&mut self) -> bool {
         let Some(event) = self.queue.pop() else { return false };
         let processor = event.processor;
         match event.what {
@@ -275,20 +309,22 @@ impl<M: Memory> State<M> {
         self.slots[processor as usize].status = Status::Ended;
     }
 
-    /// Whether a processor whose program does not go on waits for an operation of its own, or is about to be told its
-    /// outcome.
-    pub(super) fn waits(&self, processor: u32) -> bool {
-        matches!(self.slots[processor as usize].status, Status::Issued(_) | Status::Has(_))
+    /// A processor's program does not go on: it must wait for an operation of its own, or be about to be told its outcome.
+    pub(super) fn pause(&mut self, processor: u32) {
+        let waits = matches!(self.slots[processor as usize].status, Status::Issued(_) | Status::Has(_));
+        if self.error.is_none() && !waits {
+            self.fail(processor, Fault::Foreign);
+        }
     }
 
     /// When nothing is left to happen: the first processor that has not ended, and what for.
     pub(super) fn stuck(&self) -> Option<RunError> {
-        self.slots.iter().enumerate().find_map(|(processor, slot)| {
-            let wait = match slot.status {
-                Status::Issued(Op::Lock(lock)) => Wait::Lock(lock),
-                Status::Issued(Op::Barrier(barrier)) => Wait::Barrier(barrier),
-                Status::Issued(Op::Wait { cells, .. }) => Wait::Word(cells.at(0)),
-                Status::Ended => return None,
+        self.slots.iter().zip(&self.waits).enumerate().find_map(|(processor, (slot, waiting))| {
+            let wait = match (slot.status, waiting) {
+                (Status::Issued(Op::Lock(lock)), _) => Wait::Lock(lock),
+                (Status::Issued(Op::Barrier(barrier)), _) => Wait::Barrier(barrier),
+                (Status::Issued(Op::Wait { .. }), Some(waiting)) => Wait::Word(waiting.cells.at(0)),
+                (Status::Ended, _) => return None,
                 // It gave up its operation for something else.
                 _ => return Some(RunError::Fault { processor, fault: Fault::Foreign }),
             };
@@ -300,17 +336,17 @@ impl<M: Memory> State<M> {
     /// chain.
     pub(super) fn accounts(&mut self) -> (u64, Vec<ByCause>, Vec<Counts>, u64) {
         let clock = self.slots.iter().map(|s| s.now).max().unwrap_or_default();
-        for (processor, slot) in self.slots.iter_mut().enumerate() {
-            slot.time.add(Cause::Idle, clock.since(slot.now));
+        for (processor, (slot, account)) in self.slots.iter().zip(&mut self.accounts).enumerate() {
+            account.time.add(Cause::Idle, clock.since(slot.now));
             if let Some(trace) = &mut self.trace {
                 trace.add(processor, slot.now.0, clock.0, ENDED);
             }
         }
-        let time = self.slots.iter().map(|s| s.time).collect();
-        (clock.0, time, self.slots.iter().map(|s| s.counts).collect(), self.spans.longest())
+        let time = self.accounts.iter().map(|a| a.time).collect();
+        (clock.0, time, self.accounts.iter().map(|a| a.counts).collect(), self.spans.longest())
     }
 
-    pub(super) fn fail(&mut self, processor: u32, fault: Fault) -> Option<u64> {
+    fn fail(&mut self, processor: u32, fault: Fault) -> Option<u64> {
         self.error.get_or_insert(RunError::Fault { processor: processor as usize, fault });
         None
     }
@@ -325,8 +361,8 @@ impl<M: Memory> State<M> {
         if let Some(trace) = &mut self.trace {
             trace.add(processor as usize, slot.now.0, until.0, Mark::new(cause, slot.mark.label));
         }
-        slot.time.add(cause, units);
         slot.now = until;
+        self.accounts[processor as usize].time.add(cause, units);
         if cause == Cause::Work {
             self.spans.work(processor, units);
         }
@@ -388,7 +424,7 @@ impl<M: Memory> State<M> {
     }
 
     fn counts(&mut self, processor: u32) -> &mut Counts {
-        &mut self.slots[processor as usize].counts
+        &mut self.accounts[processor as usize].counts
     }
 
     /// An operation takes effect; gives its outcome unless it has to wait.
@@ -412,21 +448,21 @@ impl<M: Memory> State<M> {
                 Some(0)
             }
             Op::LoadBlock(at, words) => {
+                let (number, block) = self.blocks.unused();
+                let read = self.words.read(at, &mut block[..usize::from(words)]);
                 let words = u64::from(words);
-                if let Some(outside) = self.outside(at, words) {
+                if read.is_none()
+                    && let Some(outside) = self.outside(at, words)
+                {
                     return self.fail(processor, outside);
                 }
-                let values: [u64; BLOCK_WORDS] = std::array::from_fn(|i| match i as u64 {
-                    i if i < words => self.words.get(at.plus(i)).unwrap_or(0),
-                    _ => 0,
-                });
                 self.counts(processor).loads += words;
                 self.cost(processor, words * self.costs.load);
                 self.stalls(processor, at, words, Kind::Read);
-                Some(u64::from(self.blocks.keep(&values)))
+                Some(u64::from(number))
             }
             Op::StoreBlock(at, words, block) => {
-                let values = self.blocks.take(block);
+                let values: [u64; BLOCK_WORDS] = self.blocks.take(block);
                 if let Some(outside) = self.outside(at, u64::from(words)) {
                     return self.fail(processor, outside);
                 }
@@ -500,7 +536,7 @@ impl<M: Memory> State<M> {
                 None
             }
             Op::Turn => Some(0),
-            Op::Wait { cells, until, spins } => self.poll(now, processor, cells, until, spins),
+            Op::Wait { spins } => self.poll(now, processor, spins),
         }
     }
 
@@ -528,9 +564,11 @@ impl<M: Memory> State<M> {
     }
 
     /// The first poll of a wait, or any where each is simulated.
-    fn poll(&mut self, now: Time, processor: u32, cells: Sequence, until: Until, spins: bool) -> Option<u64> {
+    fn poll(&mut self, now: Time, processor: u32, spins: bool) -> Option<u64> {
         let cost = if spins { self.costs.spin } else { self.costs.scan };
-        let polls = self.slots[processor as usize].polls;
+        let waiting = self.waits[processor as usize].as_mut()?;
+        let Waiting { cells, until, polls } = *waiting;
+        waiting.polls += 1;
         if polls == 0
             && let Some(fault) = self.senseless(&cells)
         {
@@ -554,7 +592,6 @@ impl<M: Memory> State<M> {
             return None;
         }
         self.polling += usize::from(polls == 0);
-        self.slots[processor as usize].polls = polls + 1;
         match now.after(cost) {
             Some(time) => self.queue.push(Event { time, rank: Rank::LOAD, processor, what: What::Operation }),
             None => return self.fail(processor, Fault::Clock),
@@ -578,8 +615,8 @@ impl<M: Memory> State<M> {
 
     /// Whether some processor's wait would end if nothing were written any more.
     fn anything_to_see(&self) -> bool {
-        self.slots.iter().any(|slot| match slot.status {
-            Status::Issued(Op::Wait { cells, until, .. }) => {
+        self.slots.iter().zip(&self.waits).any(|(slot, waiting)| match (slot.status, waiting) {
+            (Status::Issued(Op::Wait { .. }), Some(Waiting { cells, until, .. })) => {
                 (0..cells.period()).any(|k| self.words.get(cells.at(k)).is_some_and(|w| until.ends(w)))
             }
             _ => false,
@@ -588,7 +625,7 @@ impl<M: Memory> State<M> {
 
     /// A watcher sees what it waits for.
     fn see(&mut self, now: Time, processor: u32, sight: Sight) {
-        if let Status::Issued(Op::Wait { spins, .. }) = self.slots[processor as usize].status {
+        if let Status::Issued(Op::Wait { spins }) = self.slots[processor as usize].status {
             let outcome = self.end_wait(now, processor, sight, spins);
             self.resume(processor, outcome);
         }
@@ -599,7 +636,6 @@ impl<M: Memory> State<M> {
         let cost = if spins { self.costs.spin } else { self.costs.scan };
         self.spend_until(processor, Cause::Idle, now);
         self.spend(processor, Cause::Idle, cost);
-        self.slots[processor as usize].polls = 0;
         self.stall(processor, sight.at, Kind::Read);
         self.counts(processor).polls += sight.polls + 1;
         if spins { self.words.get(sight.at).unwrap_or(0) } else { sight.position as u64 }
