@@ -32,18 +32,8 @@ pub trait Pairs: Sync {
     /// The visibility, and the work of one evaluation.
     fn sight(&self, a: &Place, b: &Place) -> (Sight, Work);
 
-    /// The visibility, and the work of some of the parts of its evaluation: there are 16 that can be done one by one, a ray
-    /// each.
-    fn sight_part(&self, a: &Place, b: &Place, parts: Range<usize>) -> (Sight, Work) {
-        let (sight, work) = self.sight(a, b);
-        (sight, if parts.contains(&0) { work } else { Work::default() })
-    }
-
-    /// The visibility, and the work of all parts of its evaluation.
-    fn sight_in_parts(&self, a: &Place, b: &Place) -> (Sight, [Work; 16]) {
-        let (sight, _) = self.sight_part(a, b, 0..0);
-        (sight, std::array::from_fn(|part| self.sight_part(a, b, part..part + 1).1))
-    }
+    /// The work of some of the parts of a visibility's evaluation: there are 16 that can be done one by one, a ray each.
+    fn part_of_sight(&self, a: &Place, b: &Place, parts: Range<usize>) -> Work;
 
     /// What the rays of the visibility touch.
     fn touched(&self, a: &Place, b: &Place) -> Arc<Touched>;
@@ -78,6 +68,10 @@ impl Pairs for Direct<'_> {
 
     fn sight(&self, a: &Place, b: &Place) -> (Sight, Work) {
         (self.evaluator.sight_of(self.problem.named(a), self.problem.named(b), &mut NoProbe), Work::default())
+    }
+
+    fn part_of_sight(&self, _: &Place, _: &Place, _: Range<usize>) -> Work {
+        Work::default()
     }
 
     fn touched(&self, _: &Place, _: &Place) -> Arc<Touched> {
@@ -275,23 +269,13 @@ impl Pairs for Remembered<'_> {
         })
     }
 
-    fn sight_part(&self, a: &Place, b: &Place, parts: Range<usize>) -> (Sight, Work) {
-        self.seen(a, b, |known, counted| {
+    fn part_of_sight(&self, a: &Place, b: &Place, parts: Range<usize>) -> Work {
+        self.seen(a, b, |_, counted| {
             let mut work = Work::default();
             for part in parts.clone() {
                 add_sight(&mut work, part == 0, counted[part].map(u64::from));
             }
-            (known.sight(), work)
-        })
-    }
-
-    fn sight_in_parts(&self, a: &Place, b: &Place) -> (Sight, [Work; 16]) {
-        self.seen(a, b, |known, counted| {
-            let mut works = [Work::default(); RAY_PARTS];
-            for (part, work) in works.iter_mut().enumerate() {
-                add_sight(work, part == 0, counted[part].map(u64::from));
-            }
-            (known.sight(), works)
+            work
         })
     }
 

@@ -8,7 +8,7 @@ use crate::worker::Worker;
 use isolux_core::kernels::NoProbe;
 use isolux_core::kernels::oracle::{Decision, bf_refinement};
 use isolux_core::tree::Path;
-use isolux_machine::{Cause, Mark, Note, Prefix, Processor, Work};
+use isolux_machine::{Cause, Mark, Note, Prefix, Processor};
 
 /// Entries of rows that are asked about at a time.
 const ENTRIES: u64 = 15;
@@ -139,10 +139,8 @@ impl<P: Processor, K: Pairs> Worker<'_, P, K> {
             let words: [u64; 5] = self.p.load_block(flat.fresh(at, 0)).await;
             let ends = Ends::from_words(&words);
             let places = ends.paths.map(|path| self.place(path));
-            let (sight, parts) = self.cx.pairs.sight_in_parts(places[0], places[1]);
-            let mut work = Work::default();
-            (piece * rays..(piece + 1) * rays).for_each(|part| work.add(&parts[part as usize]));
-            self.p.charge(&work).await;
+            let parts = (piece * rays) as usize..((piece + 1) * rays) as usize;
+            self.p.charge(&self.cx.pairs.part_of_sight(places[0], places[1], parts)).await;
             if pieces > 1 {
                 let key = [u64::MAX - 1, at, 0, 0];
                 self.p.note(Note::Join(key));
@@ -154,6 +152,8 @@ impl<P: Processor, K: Pairs> Worker<'_, P, K> {
             if self.p.has_caches() {
                 self.touch_sight([(ends.elements[0], places[0]), (ends.elements[1], places[1])]).await;
             }
+            // All of it has been charged.
+            let (sight, _) = self.cx.pairs.sight(places[0], places[1]);
             let visibility = store::encode(sight);
             let split = ask && self.ask(flat, ends, f64::from_bits(words[4]), visibility).await;
             let word = if split { store::DEAD } else { visibility };
