@@ -2,7 +2,7 @@
 
 mod problems;
 
-use isolux_core::solution::Update;
+use isolux_core::solution::{Stop, Unobserved, Update};
 use isolux_core::tree::{Bsp, InsertionOrder};
 use isolux_machine::{Cause, Run};
 use isolux_schedules::{Outcome, Schedule, Tally};
@@ -72,4 +72,45 @@ fn d31_sorting_lists_costs_little() {
     // 27.7 instructions each, as the cost model has it.
     let share = sorted as f64 * 27.7 / work as f64;
     assert!(sorted > 0 && share < 0.01, "{share}");
+}
+
+/// Time and longest chain of each of splash's phases, on one processor and on 1,024: the room at a quarter of the study's work.
+fn room() -> [Vec<(&'static str, u64, u64)>; 2] {
+    let setting = Setting::new(problems::scene("room"), InsertionOrder::FewestCuts);
+    let pilot = isolux_core::solution::pilot_irradiance(&setting.scene, &setting.bsp, 0, &mut Unobserved);
+    let mut parameters = parameters(&setting.scene, 1.0, 1e-4, Update::InPlace);
+    parameters.thresholds.bf = 0.055 * pilot.expect("nobody stops it");
+    parameters.stop = Stop::Change(0.005);
+    let problem = setting.problem(parameters);
+    [1, 1024].map(|p| {
+        let mut phases: Vec<(&str, u64, u64)> = Vec::new();
+        setting.solve(simulator("sb-pram", p), &problem, Schedule::SPLASH, |_, name, run| {
+            match phases.iter_mut().find(|(number, _, _)| *number == name.number) {
+                Some((_, time, span)) => (*time, *span) = (*time + run.clock, *span + run.span),
+                None => phases.push((name.number, run.clock, run.span)),
+            }
+        });
+        phases
+    })
+}
+
+/// D32, D33, D34. Catches another size of what departs from the paper's Figure 7: shares, speedups, and what bounds them.
+#[test]
+fn splash_departs_from_figure_7_as_stated() {
+    let [one, many] = room();
+    let total = |phases: &[(&str, u64, u64)]| phases.iter().map(|&(_, time, _)| time as f64).sum::<f64>();
+    let share = |k: usize| one[k].1 as f64 / total(&one);
+    let speedup = |k: usize| one[k].1 as f64 / many[k].1 as f64;
+    // 0.93 %, 24.2, and 98.5 % of the time is the chain of B-tasks.
+    assert!((0.008..0.011).contains(&share(0)), "{}", share(0));
+    assert!((22.0..27.0).contains(&speedup(0)), "{}", speedup(0));
+    assert!(many[0].2 as f64 > 0.95 * many[0].1 as f64, "{:?}", many[0]);
+    // 200.5 and 188.4; the longest chain is 99 % of the iterations' time.
+    assert!((170.0..240.0).contains(&speedup(1)), "{}", speedup(1));
+    let all = total(&one) / total(&many);
+    assert!((160.0..220.0).contains(&all), "{all}");
+    assert!(many[1].2 as f64 > 0.9 * many[1].1 as f64, "{:?}", many[1]);
+    // 0.55 % and 695.
+    assert!((0.004..0.007).contains(&share(2)), "{}", share(2));
+    assert!((600.0..800.0).contains(&speedup(2)), "{}", speedup(2));
 }

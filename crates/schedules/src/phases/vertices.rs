@@ -1,4 +1,4 @@
-//! Values at the corners of leaves, from the leaves around them: what a bilinear picture is drawn from.
+//! Values at the corners of leaves, from the leaves around them (D34): what a bilinear picture is drawn from.
 
 use crate::cost;
 use crate::pairs::Pairs;

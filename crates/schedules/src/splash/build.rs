@@ -137,7 +137,7 @@ impl<P: Processor, K: Pairs> Worker<'_, P, K> {
         }
     }
 
-    /// F: form factors of two roots, each direction by itself.
+    /// F: form factors of two roots, each direction by itself. Their visibilities follow in the first iteration (D32).
     pub(crate) async fn factor(&self, a: u32, b: u32) {
         let places: [&Place; 2] = [a, b].map(|root| self.place(Path::root(root)));
         for ([receiver, source], [to, from]) in [([a, b], places), ([b, a], [places[1], places[0]])] {

@@ -1,4 +1,4 @@
-//! Phase 2, what is SPLASH-2's own in it: a V-task finds up to four visibilities.
+//! Phase 2, what is SPLASH-2's own in it: a V-task finds up to four visibilities. What chains of such tasks bound is D33.
 
 use crate::pairs::Pairs;
 use crate::store;
