@@ -367,9 +367,9 @@ def convergence(data: Data) -> str:
         )
         if counts[last] > counts[first] and shares[last] < shares[first]:
             text += (
-                " Alone, a processor takes the task that came last: light has gone through an element and all "
-                "below it before the next one reads it. On many, elements are refined side by side and read what "
-                "the last iteration left, as in Jacobi's update."
+                " Alone, a processor takes the task that came last: light has gone through an element and "
+                "all below it before the next one reads it. On many, elements are refined side by side and "
+                "read what the last iteration left, as in Jacobi's update."
             )
         elif counts[last] < counts[first]:
             text += " Reads of new values save what the order of one processor's work does not."
