@@ -37,7 +37,7 @@ impl Switches {
     };
 }
 
-/// How much work makes a task. The defaults are SPLASH-2's (FACTS: `radiosity.h` of its program).
+/// How much work makes a task. The defaults are those of SPLASH-2's program (its `radiosity.h`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Grain {
     /// A V-task finds so many visibilities, 1 to 4.
