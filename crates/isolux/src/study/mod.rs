@@ -10,7 +10,7 @@ pub use isolux_machine::ClassError;
 pub use lines::schedule_lines;
 pub use orders::{OrderCount, OrderRequest, count_orders};
 pub use request::{
-    IterationResult, Misses, PhaseResult, RunRequest, RunResult, ScheduleName, StealResult, StudySettings,
+    IterationResult, Misses, PhaseResult, RunRequest, RunResult, ScheduleName, StealResult, Stretch, StudySettings,
     SwitchesRequest,
 };
 

@@ -172,6 +172,9 @@ pub struct StealResult {
 /// Misses in one data structure, by cause.
 pub type Misses = BTreeMap<&'static str, u64>;
 
+/// A stretch of a processor's time: processor, start, end, cause, label.
+pub type Stretch = (usize, u64, u64, &'static str, &'static str);
+
 /// What a run came to.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct RunResult {
@@ -205,7 +208,7 @@ pub struct RunResult {
     pub events: u64,
     /// Seconds of the host.
     pub seconds: f64,
-    /// Stretches of time, if asked for: processor, start, end, cause, label.
+    /// Stretches of time, if asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub trace: Option<Vec<(usize, u64, u64, &'static str, &'static str)>>,
+    pub trace: Option<Vec<Stretch>>,
 }

@@ -1,7 +1,8 @@
 //! One run: a problem and a request go in, a machine is made and the schedule runs on it.
 
 use super::{
-    IterationResult, Misses, PhaseResult, RunRequest, RunResult, StealResult, StudyError, StudyProblem, machine_spec,
+    IterationResult, Misses, PhaseResult, RunRequest, RunResult, StealResult, Stretch, StudyError, StudyProblem,
+    machine_spec,
 };
 use isolux_core::solution::Update;
 use isolux_machine::{Cause, ClockUnit, Counts, Machine, Run, Sequential, Threads};
@@ -46,7 +47,7 @@ struct Heap {
     phases: Vec<PhaseResult>,
     counts: Counts,
     unit: Option<ClockUnit>,
-    trace: Vec<(usize, u64, u64, &'static str, &'static str)>,
+    trace: Vec<Stretch>,
     clock: u64,
     events: u64,
 }
