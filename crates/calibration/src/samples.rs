@@ -334,8 +334,10 @@ fn means<'a>(solved: &'a Solved<'a>) -> Vec<Sample<'a>> {
 fn culls<'a>(solved: &'a Solved<'a>) -> Vec<Sample<'a>> {
     let Solved { scene, bsp, parameters, .. } = solved;
     let active: Vec<bool> = (0..scene.polygons.len()).map(|polygon| polygon < scene.fronts).collect();
+    // Fragments are the roots, as in the paper.
+    let parameters = Parameters { roots: Roots::Fragments, ..*parameters };
     let problem: &Problem<'_> =
-        Box::leak(Box::new(Problem::new(scene, bsp, InsertionOrder::AsGiven, *parameters, &active)));
+        Box::leak(Box::new(Problem::new(scene, bsp, InsertionOrder::AsGiven, parameters, &active)));
     let roots = &problem.active_roots;
     let pairs: Vec<(u32, u32)> =
         roots.iter().enumerate().flat_map(|(at, &a)| roots[..at].iter().map(move |&b| (a, b))).collect();
