@@ -46,6 +46,8 @@ HEADLINE = 1024
 ABLATION_PROCESSORS = (64, 256, 1024)
 #: The finest grain is compared up to where the paper's figure ends.
 FINEST_MOST = 2048
+#: In a quick study, up to where DASH ends.
+DASH_MOST = 64
 #: DASH counts each miss: its runs take several times as long.
 _SECONDS = {SB_PRAM: 4.0, DASH: 25.0}
 _OTHER_SECONDS = 12.0
@@ -227,12 +229,13 @@ def _figure_5(wish: Wish) -> list[Run]:
 
 
 def _figure_6(wish: Wish) -> list[Run]:
+    most_finest = FINEST_MOST if wish.level.every == 1 else DASH_MOST
     return [
         Run.of(machine, schedule, count, grain=grain)
         for machine in wish.machines
         for schedule, grain in curves_of_figure_6(machine)
         for count in wish.counts(machine)
-        if grain != FINEST_GRAIN or count <= FINEST_MOST or wish.processors is not None
+        if grain != FINEST_GRAIN or count <= most_finest or wish.processors is not None
     ]
 
 

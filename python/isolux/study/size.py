@@ -108,8 +108,8 @@ _OTHER = _ROOM
 #: Epsilons of ``--quick``: a minute for the room.
 _QUICK = {
     "1/4": Epsilons(bf_epsilon=0.3, area_epsilon=1e-3, energy_epsilon=0.02),
-    "1": Epsilons(bf_epsilon=0.08, area_epsilon=3e-4, energy_epsilon=0.02),
-    "4": Epsilons(bf_epsilon=0.03, area_epsilon=2e-4, energy_epsilon=0.02),
+    "1": Epsilons(bf_epsilon=0.12, area_epsilon=5e-4, energy_epsilon=0.02),
+    "4": Epsilons(bf_epsilon=0.05, area_epsilon=3e-4, energy_epsilon=0.02),
 }
 #: Epsilons at which insertion orders are compared: random orders cost tens of times what a good one does.
 _COARSE = Epsilons(bf_epsilon=0.5, area_epsilon=1e-2, energy_epsilon=0.05)
