@@ -24,7 +24,7 @@ mod worker;
 pub use cost::{CLASSES, COST_MODEL, corner_steps, sorting_depth};
 pub use pairs::{Direct, Memory, Pairs, Remembered, Touched};
 pub use problem::{Place, Problem};
-pub use run::{Hear, IterationOutcome, Outcome, PhaseName, ScheduleError, run};
+pub use run::{Hear, IterationOutcome, Outcome, PhaseName, ScheduleError, TreeDiffers, run};
 pub use store::Sizes;
 pub use variant::{Grain, Schedule, Switches};
 pub use worker::Tally;

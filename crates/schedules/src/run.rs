@@ -10,7 +10,7 @@ use crate::variant::{Grain, Schedule, Switches};
 use crate::wavefront::Flat;
 use crate::worker::{Context, LOOPS, Tally, Worker};
 use isolux_core::solution::{Stop, tree_sum};
-use isolux_core::tree::Path;
+use isolux_core::tree::{Bsp, Path};
 use isolux_core::units::Rgb;
 use isolux_machine::protocols::{ParallelLoop, parallel_for};
 use isolux_machine::{Cause, Machine, Mark, MemoryError, Processor, Run, RunError};
@@ -61,7 +61,7 @@ pub struct IterationOutcome {
     pub residual: f64,
     /// Reads of radiosities by gathers, and how many of them saw a value of the same iteration.
     pub tally: Tally,
-    /// Links that were made so far.
+    /// Links that were made so far, counted as in [`Outcome`].
     pub links: u64,
     /// Elements so far.
     pub elements: u64,
@@ -78,7 +78,8 @@ pub struct Outcome {
     pub radiosity: Vec<(Path, Rgb)>,
     /// Values at the corners of every leaf, in the order of names.
     pub vertices: Vec<(Path, Vec<Rgb>)>,
-    /// Link records in use at the end, those that were dropped included.
+    /// Links that were made: of tasks, records that were taken (one that is split gives its record to the first link in its
+    /// place); of flat rounds, all links.
     pub links: u64,
     /// Nodes of the tree: plane's polygon, then the children and the number of fragments, in the order of places; what the
     /// tree of kernels is compared with.
@@ -87,6 +88,42 @@ pub struct Outcome {
     pub tally: Tally,
     /// Bytes that the program of a processor takes while it waits: the largest of all phases.
     pub program_bytes: usize,
+}
+
+/// A node that the tasks' tree and that of the kernels do not have alike.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+#[error("node {0} of the tree differs")]
+pub struct TreeDiffers(pub u32);
+
+impl Outcome {
+    /// Compares the tree that was built with the one that rays walk (D30): the same planes, children, and numbers of
+    /// fragments, from the root on, wherever nodes lie.
+    ///
+    /// # Errors
+    ///
+    /// The first node that differs, by its number in the kernels' tree.
+    pub fn check_tree(&self, problem: &Problem<'_>) -> Result<(), TreeDiffers> {
+        let nodes = problem.bsp.nodes();
+        let mut pairs = vec![(0_u64, 0_u32)];
+        while let Some((built, node)) = pairs.pop() {
+            let fail = Err(TreeDiffers(node));
+            let Some(&[polygon, front, back, in_plane]) = self.nodes.get(built as usize) else { return fail };
+            let expected = &nodes[node as usize];
+            let polygon = problem.scene.polygons.get(polygon as usize);
+            let fragments = problem.bsp.fragments_of(node).count() as u64;
+            if polygon.is_none_or(|polygon| polygon.plane != expected.plane) || in_plane != fragments {
+                return fail;
+            }
+            for (built, node) in [(front, expected.front), (back, expected.back)] {
+                match (built.checked_sub(1), node) {
+                    (None, Bsp::NONE) => {}
+                    (None, _) | (Some(_), Bsp::NONE) => return fail,
+                    (Some(built), node) => pairs.push((built, node)),
+                }
+            }
+        }
+        Ok(())
+    }
 }
 
 /// Hears of every phase as it ends: its name and its run. False stops the solve.
@@ -217,6 +254,8 @@ impl<M: Machine, K: Pairs> Solve<'_, '_, M, K> {
                 worker.begin(0).await;
                 worker.link_pairs(&flat).await;
             });
+            // Each fresh pair stands for two links.
+            self.outcome.links = 2 * self.count(Counter::Fresh);
             return Ok(());
         }
         let Switches { parallel_bsp, pair_loop, .. } = self.context.switches;
@@ -286,7 +325,11 @@ impl<M: Machine, K: Pairs> Solve<'_, '_, M, K> {
             };
             before = self.total(iteration, 1);
             let residual = f64::from_bits(self.count(Counter::Residual));
-            let (links, elements) = (self.count(Counter::Links), self.count(Counter::Elements));
+            self.outcome.links = match self.context.flat {
+                Some(_) => self.outcome.links + self.count(Counter::Fresh),
+                None => self.count(Counter::Links),
+            };
+            let (links, elements) = (self.outcome.links, self.count(Counter::Elements));
             self.outcome.iterations.push(IterationOutcome { total: before, residual, tally, links, elements });
             self.outcome.converged = residual <= epsilon;
             if self.outcome.converged {
@@ -348,7 +391,6 @@ impl<M: Machine, K: Pairs> Solve<'_, '_, M, K> {
         }
         outcome.radiosity.sort_unstable_by_key(|&(path, _)| path);
         outcome.vertices.sort_unstable_by_key(|&(path, _)| path);
-        outcome.links = words(store.counter(Counter::Links));
         let nodes = context.problem.bsp.nodes().len() as u32;
         let node = |node: u32| {
             [store::FOUNDER, store::FRONT, store::BACK, store::IN_PLANE].map(|word| words(store.node(node, word)))

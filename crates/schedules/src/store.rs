@@ -45,9 +45,9 @@ pub(crate) const PIECE_WORDS: u64 = 16;
 pub(crate) const NEXT_PIECE: u64 = 14;
 
 /// Corners and plane of an element, for machines with caches.
-const GEOMETRY_WORDS: u64 = 16;
+pub(crate) const GEOMETRY_WORDS: u64 = 16;
 /// Corners and edges of a fragment, likewise.
-const FRAGMENT_WORDS: u64 = 16;
+pub(crate) const FRAGMENT_WORDS: u64 = 16;
 
 /// Locks for elements, as many as SPLASH-2's program has; an element's is its number modulo that.
 const ELEMENT_LOCKS: u32 = 3900;

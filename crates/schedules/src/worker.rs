@@ -148,12 +148,13 @@ impl<'a, P: Processor, K: Pairs> Worker<'a, P, K> {
     pub(crate) async fn touch_sight(&self, [a, b]: [(u32, &Place); 2]) {
         let (p, store) = (&self.p, &self.cx.store);
         let touched = self.cx.pairs.touched(a.1, b.1);
-        p.touch(store.geometry, 16, &[a.0, b.0]).await;
+        p.touch(store.geometry, store::GEOMETRY_WORDS, &[a.0, b.0]).await;
         p.touch(store.nodes(), store::NODE_WORDS, &touched.nodes).await;
-        p.touch(store.fragments, 16, &touched.fragments).await;
+        p.touch(store.fragments, store::FRAGMENT_WORDS, &touched.fragments).await;
     }
 
-    /// Reserves records by multiprefix, where SPLASH-2's program takes one at a time under a global lock (D29); `None` when there is no room, which ends the run with an error once it is over.
+    /// Reserves records by multiprefix, where SPLASH-2's program takes one at a time under a global lock (D29); `None` when
+    /// there is no room, which ends the run with an error once it is over.
     pub(crate) async fn reserve(&self, counter: Counter, count: u64, limit: u64) -> Option<u32> {
         let first = self.p.prefix(Prefix::Add, self.cx.store.counter(counter), count).await;
         if first + count > limit {

@@ -69,6 +69,7 @@ fn assert_same(outcome: &Outcome, reference: &Reference, what: &str) {
     let differs = outcome.radiosity.iter().zip(&reference.radiosity).find(|(a, b)| a != b);
     assert_eq!(differs, None, "{what}");
     assert_eq!(outcome.vertices, reference.vertices, "{what}: vertices");
+    assert!(outcome.links > 0 && outcome.iterations.is_sorted_by_key(|it| it.links), "{what}: links");
 }
 
 /// All ends, and each switch alone on either side.
@@ -156,16 +157,17 @@ fn distance(problem: &Problem<'_>, a: &[(Path, Rgb)], b: &[(Path, Rgb)]) -> f64 
 fn in_place_lies_within_the_asked_error() {
     let setting = Setting::new(problems::scene("cornell"), InsertionOrder::LargestFirst);
     let at = |bf, update| parameters(&setting.scene, bf, 1e-3, update);
-    let fine = setting.problem(at(0.05, Update::Jacobi));
+    let fine = setting.problem(at(0.005, Update::Jacobi));
     let expected = reference(&fine);
     let irradiance = isolux_core::solution::pilot_irradiance(&setting.scene, &setting.bsp, 0, &mut Unobserved);
-    let coarse = setting.problem(at(0.4, Update::InPlace));
+    let coarse = setting.problem(at(0.04, Update::InPlace));
     let asked = 4.0 * coarse.parameters.thresholds.bf / irradiance.expect("nobody stops it");
     for schedule in [Schedule::SPLASH, Schedule::SB_PRAM] {
         for p in [1, 64, 512] {
             let outcome = setting.solve(simulator("sb-pram", p), &coarse, schedule, |_, _, _| ());
             let error = distance(&coarse, &outcome.radiosity, &expected.radiosity);
-            assert!(error < asked, "{schedule:?}, {p}: {error} of {asked}");
+            // 0.033 to 0.037, a third of what is asked.
+            assert!(error < 0.04 && error < asked, "{schedule:?}, {p}: {error} of {asked}");
             let reads = outcome.tally;
             assert!(reads.updated_reads > 0 && reads.updated_reads < reads.reads, "{reads:?}");
         }

@@ -3,7 +3,7 @@
 mod problems;
 
 use isolux_core::solution::{Stop, Unobserved, Update};
-use isolux_core::tree::{Bsp, InsertionOrder};
+use isolux_core::tree::InsertionOrder;
 use isolux_machine::{Cause, Run};
 use isolux_schedules::{Outcome, Schedule, Tally};
 use problems::{Setting, parameters, simulator};
@@ -35,32 +35,29 @@ fn d29_records_are_reserved_without_locks() {
     assert_eq!(locks, outcome.links);
 }
 
-/// D30. Catches a tree of the tasks that is not the one that rays walk: the same planes, and as many pieces in each.
+/// D30. Catches a tree of the tasks that is not the one that rays walk, and a comparison that sees no difference: in a plane, in
+/// the number of pieces, in a child.
 #[test]
 fn d30_the_tasks_build_the_tree_that_rays_walk() {
     for schedule in [Schedule::SPLASH, Schedule::SB_PRAM, Schedule::Wavefront] {
         let (setting, outcome) = solve(5, schedule, BF, |_, _| ());
-        let nodes = setting.bsp.nodes();
-        let mut pairs = vec![(0_u32, 0_u32)];
-        let mut met = 0;
-        while let Some((built, node)) = pairs.pop() {
-            let [polygon, front, back, in_plane] = outcome.nodes[built as usize];
-            met += 1;
-            assert_eq!(setting.scene.polygons[polygon as usize].plane, nodes[node as usize].plane, "{schedule:?}");
-            assert_eq!(in_plane, setting.bsp.fragments_of(node).count() as u64, "{schedule:?}");
-            for (built, node) in [(front, nodes[node as usize].front), (back, nodes[node as usize].back)] {
-                assert_eq!(built == 0, node == Bsp::NONE, "{schedule:?}");
-                if built > 0 {
-                    pairs.push((built as u32 - 1, node));
-                }
-            }
+        let problem = setting.problem(parameters(&setting.scene, BF, 2e-3, Update::Jacobi));
+        assert_eq!(outcome.check_tree(&problem), Ok(()), "{schedule:?}");
+        for word in 0..4 {
+            let mut altered = outcome.clone();
+            // Another plane, a child where there is none or none where there is one, a piece more.
+            let there = altered.nodes[0][word];
+            altered.nodes[0][word] = match word {
+                0 => setting.scene.polygons.len() as u64 - 1,
+                3 => there + 1,
+                _ => u64::from(there == 0),
+            };
+            assert_ne!(altered.check_tree(&problem), Ok(()), "{schedule:?}, word {word}");
         }
-        assert_eq!(met, nodes.len());
     }
 }
 
-/// D31. Catches lists that are sorted at no cost, or at one that counts: what keeps sums in one order is charged, and below 1 %
-/// of the work.
+/// D31. Catches lists that are sorted at no cost, or at one that counts: what keeps sums in one order is charged, and is little.
 #[test]
 fn d31_sorting_lists_costs_little() {
     let order = isolux_schedules::CLASSES.iter().position(|&class| class == "order").expect("a class");
@@ -71,7 +68,8 @@ fn d31_sorting_lists_costs_little() {
     });
     // 27.7 instructions each, as the cost model has it.
     let share = sorted as f64 * 27.7 / work as f64;
-    assert!(sorted > 0 && share < 0.01, "{share}");
+    // 0.037 %.
+    assert!((0.0003..0.0005).contains(&share), "{share}");
 }
 
 /// Time and longest chain of each of splash's phases, on one processor and on 1,024: the room at a quarter of the study's work.
@@ -102,15 +100,15 @@ fn splash_departs_from_figure_7_as_stated() {
     let share = |k: usize| one[k].1 as f64 / total(&one);
     let speedup = |k: usize| one[k].1 as f64 / many[k].1 as f64;
     // 0.93 %, 24.2, and 98.5 % of the time is the chain of B-tasks.
-    assert!((0.008..0.011).contains(&share(0)), "{}", share(0));
-    assert!((22.0..27.0).contains(&speedup(0)), "{}", speedup(0));
+    assert!((0.0084..0.0103).contains(&share(0)), "{}", share(0));
+    assert!((22.0..26.5).contains(&speedup(0)), "{}", speedup(0));
     assert!(many[0].2 as f64 > 0.95 * many[0].1 as f64, "{:?}", many[0]);
     // 200.5 and 188.4; the longest chain is 99 % of the iterations' time.
-    assert!((170.0..240.0).contains(&speedup(1)), "{}", speedup(1));
+    assert!((180.0..220.0).contains(&speedup(1)), "{}", speedup(1));
     let all = total(&one) / total(&many);
-    assert!((160.0..220.0).contains(&all), "{all}");
+    assert!((170.0..207.0).contains(&all), "{all}");
     assert!(many[1].2 as f64 > 0.9 * many[1].1 as f64, "{:?}", many[1]);
     // 0.55 % and 695.
-    assert!((0.004..0.007).contains(&share(2)), "{}", share(2));
-    assert!((600.0..800.0).contains(&speedup(2)), "{}", speedup(2));
+    assert!((0.0049..0.006).contains(&share(2)), "{}", share(2));
+    assert!((625.0..765.0).contains(&speedup(2)), "{}", speedup(2));
 }

@@ -1,6 +1,6 @@
 //! The example of `docs/how-to/own-schedule.md`: it computes the same on all machines; the page shows what it prints.
 
-#[allow(dead_code)]
+#[expect(dead_code, reason = "the example's own main is not called here")]
 #[path = "../examples/own_schedule.rs"]
 mod example;
 

@@ -140,12 +140,13 @@ class Store:
 
     def ask_orders(self, count: int) -> None:
         """Remember how many random orders were asked for, so that later reports show them, too."""
-        self.write("runs/orders.json", {"orders": [count]})
+        self.write("runs/orders.json", {"asked": count})
 
     def orders_asked(self) -> int:
         """How many random orders were asked for so far; 0 where nobody did."""
-        asked = self.get_orders("orders")
-        return int(asked[0]) if asked else 0  # type: ignore[call-overload]
+        values = self._read(self._runs / "orders.json")
+        asked = None if values is None else values.get("asked")
+        return asked if isinstance(asked, int) else 0
 
     def _found(self) -> dict[str, Any] | None:
         path = self.folder / "study.json"

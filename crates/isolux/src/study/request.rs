@@ -200,7 +200,7 @@ pub struct RunResult {
     pub misses: BTreeMap<String, Misses>,
     /// Work charged, by class.
     pub counts: BTreeMap<&'static str, u64>,
-    /// Links made in all, those that were split again included.
+    /// Links made, counted as in [`isolux_schedules::Outcome`].
     pub links: u64,
     /// Elements.
     pub elements: u64,

@@ -43,7 +43,7 @@ impl<M: Memory> Heard for SimulatorOf<M> {
 
 /// What has been heard so far.
 #[derive(Default)]
-struct Heap {
+struct Account {
     phases: Vec<PhaseResult>,
     counts: Counts,
     unit: Option<ClockUnit>,
@@ -52,7 +52,7 @@ struct Heap {
     events: u64,
 }
 
-impl Heap {
+impl Account {
     fn hear<M: Heard>(&mut self, machine: &mut M, name: PhaseName, run: &Run<Tally>) {
         let time = run.total_time();
         let events = machine.events();
@@ -90,17 +90,17 @@ impl StudyProblem {
         let problem = self.problem(update);
         let remembered = Remembered::new(&problem, &self.memory);
         let real = |source| StudyError::Machine { machine: request.machine.clone(), source };
-        let mut heap = Heap::default();
+        let mut account = Account::default();
         let mut misses = BTreeMap::new();
         let mut name = request.machine.clone();
         let outcome = match request.machine.as_str() {
             "sequential" => {
                 let machine = Sequential::new(&CLASSES).map_err(real)?;
-                self.drive(machine, &problem, remembered, schedule, &mut heap, stop)?.1
+                self.drive(machine, &problem, remembered, schedule, &mut account, stop)?.1
             }
             "threads" => {
                 let machine = Threads::new(request.processors, &CLASSES).map_err(real)?;
-                self.drive(machine, &problem, Direct::new(&problem), schedule, &mut heap, stop)?.1
+                self.drive(machine, &problem, Direct::new(&problem), schedule, &mut account, stop)?.1
             }
             other => {
                 let spec = machine_spec(other)?;
@@ -109,19 +109,19 @@ impl StudyProblem {
                     let machine = CacheSimulator::new(&spec, request.processors, &CLASSES)?
                         .traced(request.trace)
                         .stopped_by(Arc::clone(stop));
-                    let (machine, outcome) = self.drive(machine, &problem, remembered, schedule, &mut heap, stop)?;
+                    let (machine, outcome) = self.drive(machine, &problem, remembered, schedule, &mut account, stop)?;
                     misses = misses_of(&machine);
                     outcome
                 } else {
                     let machine = Simulator::new(&spec, request.processors, &CLASSES)?
                         .traced(request.trace)
                         .stopped_by(Arc::clone(stop));
-                    self.drive(machine, &problem, remembered, schedule, &mut heap, stop)?.1
+                    self.drive(machine, &problem, remembered, schedule, &mut account, stop)?.1
                 }
             }
         };
-        self.compare_trees(&outcome)?;
-        Ok(result(request, name, update, heap, misses, outcome, since.elapsed().as_secs_f64()))
+        outcome.check_tree(&problem).map_err(|error| StudyError::Internal { what: error.to_string() })?;
+        Ok(result(request, name, update, account, misses, outcome, since.elapsed().as_secs_f64()))
     }
 
     fn drive<M: Heard, K: Pairs>(
@@ -130,7 +130,7 @@ impl StudyProblem {
         problem: &Problem<'_>,
         pairs: K,
         schedule: Schedule,
-        heap: &mut Heap,
+        account: &mut Account,
         stop: &Arc<AtomicBool>,
     ) -> Result<(M, Outcome), StudyError> {
         let sizes = Sizes {
@@ -142,35 +142,11 @@ impl StudyProblem {
             tasks: TASKS,
         };
         let mut hear = |machine: &mut M, name: PhaseName, run: &Run<Tally>| {
-            heap.hear(machine, name, run);
+            account.hear(machine, name, run);
             !stop.load(Relaxed)
         };
         let outcome = run(&mut machine, problem, pairs, schedule, sizes, self.settings.max_iterations, &mut hear)?;
         Ok((machine, outcome))
-    }
-
-    /// The tree that the tasks built is the one that rays walk: the same planes, children and numbers of fragments.
-    fn compare_trees(&self, outcome: &Outcome) -> Result<(), StudyError> {
-        let nodes = self.bsp.nodes();
-        let mut pairs = vec![(0, 0)];
-        let fail = |node: u32| Err(StudyError::Internal { what: format!("node {node} of the tree differs") });
-        while let Some((built, node)) = pairs.pop() {
-            let [polygon, front, back, in_plane] = outcome.nodes[built as usize];
-            let expected = &nodes[node as usize];
-            let same_plane =
-                self.scene.polygons.get(polygon as usize).is_some_and(|polygon| polygon.plane == expected.plane);
-            if !same_plane || in_plane != self.bsp.fragments_of(node).count() as u64 {
-                return fail(node);
-            }
-            for (built, node) in [(front, expected.front), (back, expected.back)] {
-                match (built.checked_sub(1), node) {
-                    (None, isolux_core::tree::Bsp::NONE) => {}
-                    (Some(built), node) if node != isolux_core::tree::Bsp::NONE => pairs.push((built as u32, node)),
-                    _ => return fail(node),
-                }
-            }
-        }
-        Ok(())
     }
 }
 
@@ -198,7 +174,7 @@ fn result(
     request: &RunRequest,
     machine: String,
     update: Update,
-    heap: Heap,
+    account: Account,
     misses: BTreeMap<String, Misses>,
     outcome: Outcome,
     seconds: f64,
@@ -218,22 +194,22 @@ fn result(
         schedule: request.schedule,
         update,
         processors: if request.machine == "sequential" { 1 } else { request.processors },
-        unit: match heap.unit {
+        unit: match account.unit {
             Some(ClockUnit::Instructions) => "instructions",
             Some(ClockUnit::Clocks) => "clocks",
             Some(ClockUnit::Nanoseconds) => "nanoseconds",
             Some(ClockUnit::Operations) | None => "operations",
         },
-        phases: heap.phases,
+        phases: account.phases,
         iterations: iterations.collect(),
         converged: outcome.converged,
-        steals: StealResult { successes: steals.successes, failures: steals.failures, probes: heap.counts.polls },
+        steals: StealResult { successes: steals.successes, failures: steals.failures, probes: account.counts.polls },
         misses,
-        counts: CLASSES.into_iter().zip(heap.counts.work.counts().iter().copied()).collect(),
+        counts: CLASSES.into_iter().zip(account.counts.work.counts().iter().copied()).collect(),
         links: outcome.links,
         elements: outcome.radiosity.len() as u64,
-        events: heap.events,
+        events: account.events,
         seconds,
-        trace: request.trace.then_some(heap.trace),
+        trace: request.trace.then_some(account.trace),
     }
 }
