@@ -7,7 +7,7 @@ use isolux_core::DVec3;
 use isolux_core::kernels::Patch;
 use isolux_core::kernels::form_factor::point_factor;
 use isolux_core::scene::{Corners, Plane};
-use isolux_simd::factor::{Points, Polygon, point_factors, point_factors_batch};
+use isolux_simd::factor::{Points, Polygon, kernel_weights, point_factors, point_factors_batch, vector_factor};
 use isolux_simd::lanes::Backend;
 use proptest::prelude::*;
 use std::f64::consts::PI;
@@ -229,6 +229,75 @@ fn a_batch_gives_what_its_pairs_give() {
     }
 }
 
+/// Would catch a vector turned the wrong way or of the wrong length: the form factor of eight normals from one vector, at
+/// all distances, and nothing from behind or aside.
+#[test]
+fn the_vector_holds_the_factor_of_every_normal() {
+    let mut numbers = Numbers(5);
+    let rows = [((0.01, 0.1), 1e-4), ((0.1, 1.0), 2e-5), ((1.0, 8.0), 2e-7), ((8.0, 64.0), 2e-8), ((64.0, 1e5), 1e-9)];
+    for (band, bound) in rows {
+        let mut compared = 0;
+        for _ in 0..20_000 {
+            let size = numbers.between((1e-3, 1e3));
+            let (source, direction) = any_polygon(&mut numbers, size, 0.0);
+            let outline = corners(&source);
+            let point = narrow(outline.mean() + direction * (size * numbers.between(band)));
+            let distance = wide(source.normal).dot(wide(point) - outline.mean());
+            if distance < 1e-3 * (wide(point) - outline.mean()).length() {
+                continue;
+            }
+            let vector = vector_factor(Backend::best(), &point.map(|x| [x; 8]), &source).map(|x| f64::from(x[0]));
+            let vector = DVec3::new(vector[0], vector[1], vector[2]);
+            for _ in 0..8 {
+                // The closer, the less a normal may lean.
+                let lean = (distance / size).min(1.0);
+                let normal = (numbers.direction() * lean - wide(source.normal)).normalize();
+                if outline.iter().any(|&c| normal.dot(c - wide(point)) <= 0.0) {
+                    continue;
+                }
+                compared += 1;
+                let expected = exact(wide(point), normal, &outline);
+                let value = normal.dot(vector);
+                assert!((value - expected).abs() < bound, "{source:?} {point:?} {normal:?}: {value:e} {expected:e}");
+            }
+        }
+        assert!(compared > 1000);
+    }
+    let source = polygon(&[DVec3::ZERO, DVec3::X, DVec3::X + DVec3::Y, DVec3::Y]);
+    let vector = |point: Vector| vector_factor(Backend::best(), &point.map(|x| [x; 8]), &source).map(|x| x[0]);
+    assert_eq!(vector([0.5, 0.5, -1.0]), [0.0; 3]);
+    assert_eq!(vector([2.0, 0.5, 0.0]), [0.0; 3]);
+    // On the source itself: all of a hemisphere.
+    assert!((vector([0.5, 0.5, 0.0])[2] + 1.0).abs() < 1e-4);
+}
+
+/// Would catch a wrong power, a lost clip, a division by nothing.
+#[test]
+fn weights_are_the_clipped_kernel() {
+    let mut numbers = Numbers(13);
+    let (mut clipped, mut open) = (0, 0);
+    for _ in 0..2000 {
+        let size = numbers.between((1e-3, 1e3));
+        let mut points = || narrow(numbers.direction() * size * numbers.next());
+        let origins: [Vector; 16] = std::array::from_fn(|_| points());
+        let targets: [Vector; 16] = std::array::from_fn(|k| if k == 5 { origins[k] } else { points() });
+        let (n, m) = (narrow(numbers.direction()), narrow(numbers.direction()));
+        let by_axis = |v: &[Vector; 16]| std::array::from_fn(|axis| v.map(|p| p[axis]));
+        let weights = kernel_weights(Backend::best(), &by_axis(&origins), &by_axis(&targets), n, m);
+        assert_eq!(weights[5], 0.0);
+        for k in (0..16).filter(|&k| k != 5) {
+            let ray = wide(targets[k]) - wide(origins[k]);
+            let (rise, fall) = (ray.normalize().dot(wide(n)).max(0.0), -ray.normalize().dot(wide(m)).min(0.0));
+            let expected = rise * fall / ray.length_squared();
+            let bound = 4e-7 * expected + 2e-7 * (rise + fall) / ray.length_squared();
+            assert!((f64::from(weights[k]) - expected).abs() <= bound, "{k} {} {expected}", weights[k]);
+            clipped += usize::from(expected == 0.0);
+            open += usize::from(expected > 0.0);
+        }
+    }
+    assert!(clipped > 5000 && open > 5000);
+}
+
 fn coordinate() -> impl Strategy<Value = f32> {
     prop_oneof![-2.0_f32..2.0, Just(0.0), Just(1.0), -1e3_f32..1e3]
 }
@@ -267,6 +336,37 @@ proptest! {
             prop_assert!((0.0..=1.0).contains(&plain[lane]), "{}", plain[lane]);
             let alone = point_factors(Backend::best(), &points.map(|x| [x[lane]; 8]), &normals.map(|x| [x[lane]; 8]), &source);
             prop_assert_eq!(alone[7].to_bits(), plain[lane].to_bits());
+        }
+    }
+
+    /// Catches a backend, or a neighbour in another lane, that changes a vector or a weight, and one that is no number.
+    #[test]
+    fn vectors_and_weights_are_alone(
+        points in prop::array::uniform3(prop::array::uniform16(coordinate())),
+        targets in prop::array::uniform3(prop::array::uniform16(coordinate())),
+        corners in prop::array::uniform4(vector()),
+        count in 3_u32..5,
+    ) {
+        let (a, b, c) = (wide(corners[0]), wide(corners[1]), wide(corners[2]));
+        let normal = (b - a).cross(c - a);
+        let normal = narrow(if normal.length() > 0.0 { normal.normalize() } else { DVec3::Z });
+        let source = Polygon { corners, count, normal };
+        let some = points.map(|x| std::array::from_fn(|lane| x[lane]));
+        let plain = vector_factor(Backend::Scalar, &some, &source);
+        let weights = kernel_weights(Backend::Scalar, &points, &targets, [0.0, 0.0, 1.0], normal);
+        prop_assert!(weights.iter().all(|&w| w >= 0.0 && w < f32::INFINITY));
+        for backend in Backend::available() {
+            let same = vector_factor(backend, &some, &source);
+            prop_assert_eq!(same.map(|x| x.map(f32::to_bits)), plain.map(|x| x.map(f32::to_bits)), "{}", backend.name());
+            let same = kernel_weights(backend, &points, &targets, [0.0, 0.0, 1.0], normal);
+            prop_assert_eq!(same.map(f32::to_bits), weights.map(f32::to_bits), "{}", backend.name());
+        }
+        for lane in 0..8 {
+            let alone = vector_factor(Backend::best(), &some.map(|x| [x[lane]; 8]), &source);
+            for axis in 0..3 {
+                prop_assert!(plain[axis][lane].abs() <= 4.0);
+                prop_assert_eq!(alone[axis][7].to_bits(), plain[axis][lane].to_bits());
+            }
         }
     }
 }

@@ -76,14 +76,14 @@ fn batch<L: Lanes>(n: usize, points: &[Points], sources: &[Polygon], out: &mut [
 /// Subtracting two points, one scalar product, and the rounding of its three inputs err by at most 6 units of rounding (each
 /// half of `EPSILON`) of the magnitudes `sum |n_k| (|p_k| + |v_k|)`; 8 are taken. `|v_k|` is bounded by
 /// `|p_k|` and the distance to the farthest corner.
-const TOLERANCE: f32 = 4.0 * f32::EPSILON;
+pub(super) const TOLERANCE: f32 = 4.0 * f32::EPSILON;
 
 /// Where a receiver that touches the source is put, in tolerances of its distance from the source's plane.
 ///
 /// Closer, the rounding of the receiver turns the direction to the edge; farther, the move itself shows. Measured as the
 /// worst error of test `a_receiver_on_the_sources_edge_sees_what_its_neighbour_inside_sees`: 7.3e-3 at 4, 2.0e-3 at 16,
 /// 2.5e-3 at 64.
-const OFF_PLANE: f32 = 16.0;
+pub(super) const OFF_PLANE: f32 = 16.0;
 
 /// Least square of the sine between the planes (some 11 degrees) for which a receiver is moved all the way off the source's
 /// plane: a flatter one would have to be moved along its own plane farther than five times its new distance.
@@ -93,7 +93,7 @@ const LEAST_TURN: f32 = 0.04;
 ///
 /// Measured as the worst relative error of test `far_sources_keep_relative_accuracy`, closed form / three-point rules: at 10
 /// to 16 sizes 5.8e-5 / 1.4e-4, at 16 to 32 sizes 1.1e-4 / 1.5e-5.
-const FAR: f32 = 16.0;
+pub(super) const FAR: f32 = 16.0;
 
 /// Form factors of eight lanes; the corners may differ between lanes.
 #[inline(always)]
@@ -139,11 +139,7 @@ fn factors<L: Lanes, const N: usize>(p: [L; 3], n: [L; 3], corners: &[[L; 3]; N]
         let cosine = dot(n, normal);
         let turn = L::splat(1.0).sub(cosine.mul(cosine)).max(L::splat(LEAST_TURN));
         let step = scale(sub(normal, scale(n, cosine)), clearance.sub(distance).div(turn));
-        let mut touches = on_plane;
-        for i in 0..N {
-            let inside = dot(normal, cross(rays[i], edges[i]));
-            touches = L::and(touches, clearance.mul(edge_squares[i].sqrt()).neg().le(inside));
-        }
+        let touches = L::and(on_plane, touching::<L, N>(clearance, normal, &rays, &edges, &edge_squares));
         for i in 0..N {
             rays[i] = select::<L>(touches, sub(rays[i], step), rays[i]);
             squares[i] = dot(rays[i], rays[i]);
@@ -160,7 +156,10 @@ fn factors<L: Lanes, const N: usize>(p: [L; 3], n: [L; 3], corners: &[[L; 3]; N]
     let far_bits = L::bits(far) & seen_bits;
     let mut factor = zero;
     if far_bits != 0 {
-        factor = cubature::<L, N>(&squares, &heights, distance, corners, normal, &edges, &edge_squares);
+        let weights = cubature::<L, N>(&squares, distance, corners, normal, &edges, &edge_squares);
+        for i in 0..N {
+            factor = factor.add(weights[i].mul(heights[i]));
+        }
     }
     if far_bits != seen_bits {
         let contour = if seen_bits & !L::bits(all_above) == 0 {
@@ -174,38 +173,69 @@ fn factors<L: Lanes, const N: usize>(p: [L; 3], n: [L; 3], corners: &[[L; 3]; N]
     L::select(L::and(seen, zero.lt(factor)), factor.min(L::splat(1.0)), zero)
 }
 
-/// Three points at the middle of the edges of each triangle of a fan (exact for quadratics; Strang and Fix 1973, page 184),
-/// each with the kernel `cos cos' / (pi r²)`. The middle's height is the mean of its ends', its squared distance the mean of
-/// theirs less a quarter of the edge's square, and all have the receiver's own distance from the source's plane.
+/// Where a receiver on the source's plane is within `clearance` of the source, metres: on the inner side of every edge.
 #[inline(always)]
-fn cubature<L: Lanes, const N: usize>(
+pub(super) fn touching<L: Lanes, const N: usize>(
+    clearance: L,
+    normal: [L; 3],
+    rays: &[[L; 3]; N],
+    edges: &[[L; 3]; N],
+    edge_squares: &[L; N],
+) -> L::Mask {
+    let mut touches = L::mask(u32::MAX);
+    for i in 0..N {
+        let inside = dot(normal, cross(rays[i], edges[i]));
+        touches = L::and(touches, clearance.mul(edge_squares[i].sqrt()).neg().le(inside));
+    }
+    touches
+}
+
+/// Weights `k_i`, 1/m², of the rays to the corners with which `F = n . sum k_i R_i`, far from the source.
+///
+/// Three points at the middle of the edges of each triangle of a fan (exact for quadratics; Strang and Fix 1973, page 184),
+/// each with the kernel `cos cos' / (pi r²)`. The ray to a middle is the mean of its ends', its square the mean of theirs
+/// less a quarter of the edge's, and all have the receiver's own `distance` from the source's plane.
+#[inline(always)]
+pub(super) fn cubature<L: Lanes, const N: usize>(
     squares: &[L; N],
-    heights: &[L; N],
     distance: L,
     corners: &[[L; 3]; N],
     normal: [L; 3],
     edges: &[[L; 3]; N],
     edge_squares: &[L; N],
-) -> L {
-    let half = L::splat(0.5);
-    let quarter = L::splat(0.25);
-    let middle = |i: usize, j: usize, edge_square: L| {
-        let square = half.mul(squares[i].add(squares[j])).sub(quarter.mul(edge_square));
-        heights[i].add(heights[j]).div(square.mul(square))
-    };
-    let mut sum = L::splat(0.0);
-    let mut last = middle(0, 1, edge_squares[0]);
-    for i in 1..N - 1 {
-        let chord = sub(corners[i + 1], corners[0]);
-        let twice_area = dot(cross(edges[i], chord), normal).neg();
-        let outer = middle(i, i + 1, edge_squares[i]);
-        let chord_square = if i + 2 == N { edge_squares[N - 1] } else { dot(chord, chord) };
-        let inner = middle(0, i + 1, chord_square);
-        sum = sum.add(twice_area.mul(last.add(outer).add(inner)));
-        last = inner;
+) -> [L; N] {
+    let zero = L::splat(0.0);
+    // A third of an area for each point, half of the area's double, half of a ray for each end.
+    let common = distance.mul(L::splat(FRAC_1_PI / 12.0));
+    let mut weights = [zero; N];
+    let mut before = zero;
+    for i in 1..N {
+        // The triangle of corners 0, i, i + 1, and with it the middles of edge i and of the chord from 0 to i.
+        let chord = sub(corners[i], corners[0]);
+        let after = if i + 1 < N { dot(cross(chord, edges[i]), normal).mul(common) } else { zero };
+        let chord_square = match i {
+            1 => edge_squares[0],
+            _ if i + 1 == N => edge_squares[N - 1],
+            _ => dot(chord, chord),
+        };
+        let inner = middle(squares[0], squares[i], chord_square, before.add(after));
+        weights[0] = weights[0].add(inner);
+        weights[i] = weights[i].add(inner);
+        if i + 1 < N {
+            let outer = middle(squares[i], squares[i + 1], edge_squares[i], after);
+            weights[i] = weights[i].add(outer);
+            weights[i + 1] = weights[i + 1].add(outer);
+        }
+        before = after;
     }
-    // The sum has twice the areas and twice the heights, and a third of an area goes to each point.
-    sum.mul(distance).mul(L::splat(FRAC_1_PI / 12.0))
+    weights
+}
+
+/// `area / r⁴` at the middle of an edge.
+#[inline(always)]
+fn middle<L: Lanes>(first_square: L, second_square: L, edge_square: L, area: L) -> L {
+    let square = L::splat(0.5).mul(first_square.add(second_square)).sub(L::splat(0.25).mul(edge_square));
+    area.div(square.mul(square))
 }
 
 /// The contour integral, `CLIP`ped at the horizon.
@@ -275,17 +305,10 @@ fn contour<L: Lanes, const N: usize, const CLIP: bool>(
         }
         let cosine = dot(a, b).mul(inverse);
         let product = cross(rays[i], edges[i]);
-        let mut weight = angle_over_sine(cosine.abs()).mul(inverse);
         if CLIP {
-            weight = weight.mul(fractions[i]);
+            inverse = inverse.mul(fractions[i]);
         }
-        let obtuse = cosine.lt(zero);
-        if L::bits(obtuse) != 0 {
-            // gamma/sin gamma = pi/sin gamma - (pi - gamma)/sin gamma, the first sine from the product itself, which
-            // stays accurate as the receiver nears the edge.
-            let sine = dot(product, product).sqrt();
-            weight = L::select(obtuse, L::splat(PI).div(sine).sub(weight), weight);
-        }
+        let mut weight = edge_weight(cosine, inverse, product);
         if CLIP {
             weight = L::select(L::or(above[i], above[j]), weight, zero);
         }
@@ -301,6 +324,21 @@ fn contour<L: Lanes, const N: usize, const CLIP: bool>(
         sum = sum.add(L::select(crossed, angle, zero));
     }
     sum.mul(L::splat(0.5 * FRAC_1_PI))
+}
+
+/// `gamma / |a x b|` of an edge from a to b, with the cosine of the angle between them, `1 / (|a| |b|)`, and `product`
+/// along `a x b`. Of a clipped edge with the product of the whole edge: times the fraction that is left, which is in
+/// `inverse` already.
+#[inline(always)]
+pub(super) fn edge_weight<L: Lanes>(cosine: L, inverse: L, product: [L; 3]) -> L {
+    let acute = angle_over_sine(cosine.abs()).mul(inverse);
+    let obtuse = cosine.lt(L::splat(0.0));
+    if L::bits(obtuse) == 0 {
+        return acute;
+    }
+    // gamma/sin gamma = pi/sin gamma - (pi - gamma)/sin gamma, the first sine from the product itself, which stays accurate
+    // as the receiver nears the edge.
+    L::select(obtuse, L::splat(PI).div(dot(product, product).sqrt()).sub(acute), acute)
 }
 
 /// `gamma / sin gamma` as a function of `cos gamma`, for angles up to a right angle.

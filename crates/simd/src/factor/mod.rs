@@ -3,8 +3,12 @@
 
 mod lambert;
 mod triple;
+mod vector;
+mod weights;
 
 pub use lambert::{point_factors, point_factors_batch};
+pub use vector::vector_factor;
+pub use weights::kernel_weights;
 
 /// A planar convex source with a front.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
