@@ -7,3 +7,4 @@
 
 pub mod factor;
 pub mod lanes;
+pub mod sphere;

@@ -354,7 +354,7 @@ proptest! {
         let some = points.map(|x| std::array::from_fn(|lane| x[lane]));
         let plain = vector_factor(Backend::Scalar, &some, &source);
         let weights = kernel_weights(Backend::Scalar, &points, &targets, [0.0, 0.0, 1.0], normal);
-        prop_assert!(weights.iter().all(|&w| w >= 0.0 && w < f32::INFINITY));
+        prop_assert!(weights.iter().all(|w| (0.0..f32::INFINITY).contains(w)));
         for backend in Backend::available() {
             let same = vector_factor(backend, &some, &source);
             prop_assert_eq!(same.map(|x| x.map(f32::to_bits)), plain.map(|x| x.map(f32::to_bits)), "{}", backend.name());
