@@ -1,8 +1,10 @@
-//! What form factors in lanes cost: a pair is five receivers (corners and middle of a patch) and a source.
+//! What form factors in lanes cost, a pair being five receivers (corners and middle of a patch) and a source; and what
+//! vectors, weights of rays, and irradiance from harmonics cost.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use isolux_simd::factor::{Points, Polygon, point_factors_batch};
+use isolux_simd::factor::{Points, Polygon, kernel_weights, point_factors_batch, vector_factor};
 use isolux_simd::lanes::Backend;
+use isolux_simd::sphere::{evaluate, irradiance_batch};
 use std::hint::black_box;
 
 const PAIRS: usize = 256;
@@ -66,5 +68,40 @@ fn form_factors(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, form_factors);
+fn vectors_and_weights(c: &mut Criterion) {
+    let mut group = c.benchmark_group("eight points and a quad");
+    let (points, sources) = pairs(3.0, 0.4);
+    for backend in Backend::available() {
+        let mut k = 0;
+        group.bench_function(BenchmarkId::new("vector", backend.name()), |b| {
+            b.iter(|| {
+                k = (k + 1) % PAIRS;
+                vector_factor(backend, black_box(&points[k].points), black_box(&sources[k]))
+            });
+        });
+        let rays: [[f32; 16]; 3] = std::array::from_fn(|axis| std::array::from_fn(|k| points[k].points[axis][k % 5]));
+        let ends: [[f32; 16]; 3] = std::array::from_fn(|axis| std::array::from_fn(|k| sources[k].corners[k % 4][axis]));
+        group.bench_function(BenchmarkId::new("weights of 16 rays", backend.name()), |b| {
+            b.iter(|| kernel_weights(backend, black_box(&rays), black_box(&ends), [0.0, 0.0, 1.0], [0.0, 0.0, -1.0]));
+        });
+    }
+    group.finish();
+}
+
+fn harmonics(c: &mut Criterion) {
+    let mut group = c.benchmark_group("eight normals in one light");
+    group.throughput(Throughput::Elements(PAIRS as u64));
+    let (points, _) = pairs(3.0, 0.4);
+    let normals: Vec<[[f32; 8]; 3]> = points.iter().map(|p| p.normals).collect();
+    let light = [evaluate([0.6, 0.0, 0.8]), evaluate([0.0, 1.0, 0.0]), evaluate([-0.8, 0.6, 0.0])];
+    let mut out = vec![[[0.0; 8]; 3]; PAIRS];
+    for backend in Backend::available() {
+        group.bench_function(BenchmarkId::new("irradiance", backend.name()), |b| {
+            b.iter(|| irradiance_batch(backend, black_box(&normals), black_box(&light), &mut out));
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, form_factors, vectors_and_weights, harmonics);
 criterion_main!(benches);
