@@ -44,8 +44,8 @@ dispatch!(
 dispatch!(
     /// [`point_factors`] of the first `n` pairs of eight receivers and a polygon, `out[k]` from `points[k]` and `sources[k]`.
     ///
-    /// With five receivers a pair (corners and middle of a patch) in eight lanes a pair takes some 27 ns far away, 43 ns close
-    /// by, 49 ns across the horizon (bench `factors`, AVX2). Eight pairs in the eight lanes, receiver by receiver, were tried
+    /// With five receivers a pair (corners and middle of a patch) in eight lanes a pair takes some 26 ns far away, 40 ns close
+    /// by, 45 ns across the horizon (bench `factors`, AVX2). Eight pairs in the eight lanes, receiver by receiver, were tried
     /// with 0.69, 0.73 and 0.97 of that, but 1.16 where the three are mixed, as then every eight takes all ways.
     ///
     /// # Panics

@@ -53,6 +53,11 @@ impl Lanes for Avx2 {
         Avx2(unsafe { _mm256_sqrt_ps(self.0) })
     }
     #[inline(always)]
+    fn abs(self) -> Self {
+        // SAFETY: see above the impl.
+        Avx2(unsafe { _mm256_andnot_ps(_mm256_set1_ps(-0.0), self.0) })
+    }
+    #[inline(always)]
     fn min(self, other: Self) -> Self {
         // SAFETY: see above the impl.
         Avx2(unsafe { _mm256_min_ps(self.0, other.0) })

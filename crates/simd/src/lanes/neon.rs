@@ -62,6 +62,11 @@ impl Lanes for Neon {
         unsafe { Neon(vsqrtq_f32(self.0), vsqrtq_f32(self.1)) }
     }
     #[inline(always)]
+    fn abs(self) -> Self {
+        // SAFETY: as in `both!`.
+        unsafe { Neon(vabsq_f32(self.0), vabsq_f32(self.1)) }
+    }
+    #[inline(always)]
     fn min(self, other: Self) -> Self {
         // `vminq` would return what is not a number; the contract asks for the other.
         Self::select(self.lt(other), self, other)
