@@ -33,11 +33,11 @@ dispatch!(
     /// where the source is whole.
     ///
     /// **Error bound.** Absolute, for sources at 0.01 to 0.1, 1, 8, 64 sizes and beyond: 1e-4, 6e-6, 2e-7, 2e-8, 1e-9
-    /// (test `the_closed_form_is_met_at_all_distances`); relative 1e-4 from one size on with both normals within 60 degrees
-    /// (test `far_sources_keep_relative_accuracy`); absolute 2e-3 within a ten thousandth
-    /// of a size of an edge that is shared (test `a_receiver_near_a_shared_edge_is_met_at_every_gap`) and 4e-3 for receivers on an edge or corner of the source (test
-    /// `a_receiver_on_the_sources_edge_sees_what_its_neighbour_inside_sees`). A lane's result has the same bits on every
-    /// backend and with any neighbours (test `lanes_are_shares_and_alone`).
+    /// (test `the_closed_form_is_met_at_all_distances`; slivers, 1e-5 for the second: `slivers_keep_the_absolute_bounds`);
+    /// relative 1e-4 from one size on with both normals within 60 degrees (test `far_sources_keep_relative_accuracy`). Next
+    /// to an edge that patches share, absolute 2e-3 (test `a_receiver_near_a_shared_edge_is_met_at_every_gap`); on it or its
+    /// end, 4e-3 (test `a_receiver_on_the_sources_edge_sees_what_its_neighbour_inside_sees`). A lane's result has the same
+    /// bits on every backend and with any neighbours (test `lanes_are_shares_and_alone`).
     pub fn point_factors(points: &[[f32; 8]; 3], normals: &[[f32; 8]; 3], source: &Polygon) -> [f32; 8] = one
 );
 
@@ -100,7 +100,7 @@ const LEAST_TURN: f32 = 0.04;
 /// to 16 sizes 5.8e-5 / 1.4e-4, at 16 to 32 sizes 1.1e-4 / 1.5e-5.
 pub(super) const FAR: f32 = 16.0;
 
-/// Form factors of eight lanes; the corners may differ between lanes.
+/// Form factors of eight lanes.
 #[inline(always)]
 fn factors<L: Lanes, const N: usize>(p: [L; 3], n: [L; 3], corners: &[[L; 3]; N], normal: [L; 3]) -> L {
     let zero = L::splat(0.0);
