@@ -63,6 +63,11 @@ impl Lanes for Avx2 {
         Avx2(unsafe { _mm256_max_ps(self.0, other.0) })
     }
     #[inline(always)]
+    fn flip(self, other: Self) -> Self {
+        // SAFETY: see above the impl.
+        Avx2(unsafe { _mm256_xor_ps(self.0, _mm256_and_ps(other.0, _mm256_set1_ps(-0.0))) })
+    }
+    #[inline(always)]
     fn lt(self, other: Self) -> Self::Mask {
         // SAFETY: see above the impl.
         unsafe { _mm256_cmp_ps::<_CMP_LT_OQ>(self.0, other.0) }

@@ -76,6 +76,9 @@ pub(crate) trait Lanes: Copy {
     fn abs(self) -> Self {
         self.max(self.neg())
     }
+
+    /// With the sign flipped where the other's sign bit is set.
+    fn flip(self, other: Self) -> Self;
 }
 
 /// An instruction set that lanes can be made of.
@@ -130,26 +133,29 @@ impl Backend {
 /// Runs an `#[inline(always)]` function generic over [`Lanes`] on a backend.
 ///
 /// `dispatch!(fn name(arg: Type, ...) -> Result = body)` makes `fn name(backend: Backend, arg: Type, ...) -> Result`, which
-/// calls `body::<L>(arg, ...)` with the backend's lanes, compiled with its instructions.
+/// calls `body::<L>(arg, ...)` with the backend's lanes, compiled with its instructions. One generic argument is passed on:
+/// `fn name<F: Trait>(...)` calls `body::<L, F>`.
 macro_rules! dispatch {
-    ($(#[$meta:meta])* $visibility:vis fn $name:ident($($argument:ident: $type:ty),* $(,)?) -> $result:ty = $body:ident) => {
+    ($(#[$meta:meta])* $visibility:vis fn $name:ident $(<$kind:ident: $bound:path>)? (
+        $($argument:ident: $type:ty),* $(,)?
+    ) -> $result:ty = $body:ident) => {
         $(#[$meta])*
         #[allow(clippy::too_many_arguments)]
-        $visibility fn $name(backend: $crate::lanes::Backend, $($argument: $type),*) -> $result {
+        $visibility fn $name$(<$kind: $bound>)?(backend: $crate::lanes::Backend, $($argument: $type),*) -> $result {
             #[cfg(target_arch = "x86_64")]
             #[target_feature(enable = "avx2")]
             #[allow(clippy::too_many_arguments)]
-            fn avx2($($argument: $type),*) -> $result {
-                $body::<$crate::lanes::Avx2>($($argument),*)
+            fn avx2$(<$kind: $bound>)?($($argument: $type),*) -> $result {
+                $body::<$crate::lanes::Avx2 $(, $kind)?>($($argument),*)
             }
             #[cfg(target_arch = "aarch64")]
             #[target_feature(enable = "neon")]
             #[allow(clippy::too_many_arguments)]
-            fn neon($($argument: $type),*) -> $result {
-                $body::<$crate::lanes::Neon>($($argument),*)
+            fn neon$(<$kind: $bound>)?($($argument: $type),*) -> $result {
+                $body::<$crate::lanes::Neon $(, $kind)?>($($argument),*)
             }
             match backend {
-                $crate::lanes::Backend::Scalar => $body::<$crate::lanes::Scalar>($($argument),*),
+                $crate::lanes::Backend::Scalar => $body::<$crate::lanes::Scalar $(, $kind)?>($($argument),*),
                 // SAFETY: the processor has the instructions: such a `Backend` comes from `Backend::available`, which asked it.
                 #[cfg(target_arch = "x86_64")]
                 $crate::lanes::Backend::Avx2 => unsafe { avx2($($argument),*) },
@@ -180,6 +186,7 @@ mod tests {
             x.max(y),
             x.neg(),
             x.abs(),
+            x.flip(y),
             L::select(x.lt(y), x, y),
             L::select(L::mask(0b1010_0110), x, y),
             L::splat(a[3]),
