@@ -230,7 +230,7 @@ enum Tree {
 }
 
 fn node_of(parts: &[Part], pad: f32) -> Node {
-    let mut node = Node::EMPTY;
+    let mut node = Node { present: (1 << parts.len()) - 1, ..Node::EMPTY };
     for (k, part) in parts.iter().enumerate() {
         for axis in 0..3 {
             node.planes[axis][k] = part.bounds.lo[axis] - pad;

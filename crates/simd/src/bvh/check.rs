@@ -27,6 +27,9 @@ pub fn check(bvh: &Bvh8, primitives: &[Primitive]) -> Result<(), String> {
         if count == 0 {
             return Err(format!("node {at} has no child"));
         }
+        if node.present != (1 << count) - 1 {
+            return Err(format!("node {at}: {count} children, bits {:b}", node.present));
+        }
         for k in count..8 {
             if !same_child(node, k, &Node::EMPTY) {
                 return Err(format!("node {at}: place {k} after the last child is not empty"));

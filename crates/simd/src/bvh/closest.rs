@@ -62,7 +62,7 @@ impl<L: Lanes> Probe<L> {
         }
         let mut t = [0.0; WIDTH];
         from.store(&mut t);
-        (L::bits(from.le(to)), t)
+        (L::bits(from.le(to)) & node.present, t)
     }
 }
 

@@ -5,7 +5,7 @@ use crate::lanes::WIDTH;
 
 /// Marks a child that is a block of primitives.
 pub(crate) const LEAF: u32 = 1 << 31;
-/// A child that is not there; its box is empty, so that no test enters it.
+/// A child that is not there; its box is beyond all rays.
 pub(crate) const NONE: u32 = u32::MAX;
 
 /// Boxes of up to eight children, which come first.
@@ -16,6 +16,8 @@ pub(crate) struct Node {
     pub(crate) planes: [[f32; WIDTH]; 6],
     /// Index of a node, or of a block with [`LEAF`] set, or [`NONE`].
     pub(crate) children: [u32; WIDTH],
+    /// Bit k: there is a child k. Only rays beyond all bounds of numbers need asking.
+    pub(crate) present: u32,
     /// Number of primitives of a child that is a block.
     pub(crate) counts: [u8; WIDTH],
     /// Bit k: primitive k of a child that is a block is opaque.
@@ -25,15 +27,9 @@ pub(crate) struct Node {
 impl Node {
     /// A node without children.
     pub(crate) const EMPTY: Node = Node {
-        planes: [
-            [f32::INFINITY; WIDTH],
-            [f32::INFINITY; WIDTH],
-            [f32::INFINITY; WIDTH],
-            [f32::NEG_INFINITY; WIDTH],
-            [f32::NEG_INFINITY; WIDTH],
-            [f32::NEG_INFINITY; WIDTH],
-        ],
+        planes: [[f32::INFINITY; WIDTH]; 6],
         children: [NONE; WIDTH],
+        present: 0,
         counts: [0; WIDTH],
         opaque: [0; WIDTH],
     };

@@ -28,131 +28,157 @@ impl Filter for NoFilter {
     }
 }
 
-/// One moving side of the packet's hull against one side of a box.
-#[derive(Clone, Copy)]
-struct Side<L> {
-    /// Which of [`super::node::Node::planes`].
-    plane: usize,
-    /// Where the hull's side is at t = 0.
-    base: L,
+/// The packet as a whole: t is 0 at the near ends and 1 at the far ends. Sides 0 to 2 are the lower ones, which meet a box's
+/// upper planes; sides 3 to 5 are the upper ones, which meet the lower planes: side k meets plane `(k + 3) % 6`.
+struct Hull {
+    /// Where a side is at t = 0.
+    base: [f32; WIDTH],
     /// One over how far it moves until t = 1.
-    inverse: L,
-}
-
-/// The packet as a whole: t is 0 at the near ends and 1 at the far ends.
-struct Hull<L> {
-    /// Sides that are inside from some t on, then those that are inside up to some t.
-    sides: [Side<L>; 6],
-    /// Number of the former.
-    from: usize,
+    inverse: [f32; WIDTH],
+    /// 0 where a side is inside from some t on, minus infinity where it is inside up to some t.
+    from: [f32; WIDTH],
+    /// Infinity where it is inside from some t on, 0 where it is inside up to some t.
+    to: [f32; WIDTH],
+    /// Whether along each axis one side is of the one kind and the other of the other, as it is unless rays spread or meet.
+    parallel: bool,
+    /// The sides of the first kind then.
+    enters: [usize; 3],
 }
 
 /// Farthest t that is computed with; a ray of any sensible length has left the scene.
 const FAR: f32 = 1e18;
 
-impl<L: Lanes> Hull<L> {
+impl Hull {
     /// The hull of the active rays.
     #[inline(always)]
-    fn new(packet: &Packet<L>, active: u32) -> Self {
+    fn new<L: Lanes>(packet: &Packet<'_, L>, active: u32) -> Self {
         // Lower and negated upper coordinates of near and far ends.
-        let mut least = [[L::splat(f32::INFINITY); 6]; 2];
+        let none = L::splat(f32::INFINITY);
+        let (mut near, mut far) = ([none; WIDTH], [none; WIDTH]);
         for half in 0..2 {
             let ray = &packet.rays[half];
             let mask = L::mask(active >> (half * WIDTH));
-            let far = ray.far.min(L::splat(FAR));
+            let end = ray.far.min(L::splat(FAR));
             for axis in 0..3 {
-                for (end, t) in [ray.near, far].into_iter().enumerate() {
-                    let x = ray.origin[axis].add(t.mul(ray.direction[axis]));
-                    let none = L::splat(f32::INFINITY);
-                    least[end][axis] = L::select(mask, x, none).min(least[end][axis]);
-                    least[end][axis + 3] = L::select(mask, x.neg(), none).min(least[end][axis + 3]);
-                }
+                let a = ray.origin[axis].add(ray.near.mul(ray.direction[axis]));
+                let b = ray.origin[axis].add(end.mul(ray.direction[axis]));
+                near[axis] = L::select(mask, a, none).min(near[axis]);
+                near[axis + 3] = L::select(mask, a.neg(), none).min(near[axis + 3]);
+                far[axis] = L::select(mask, b, none).min(far[axis]);
+                far[axis + 3] = L::select(mask, b.neg(), none).min(far[axis + 3]);
             }
         }
-        let near = least_of(least[0]);
-        let far = least_of(least[1]);
-        let blank = Side { plane: 0, base: L::splat(0.0), inverse: L::splat(0.0) };
-        let mut hull = Hull { sides: [blank; 6], from: 0 };
-        let mut up_to = 6;
-        for axis in 0..3 {
-            for upper in [false, true] {
-                // The hull's lower side meets the box's upper one, and the other way round.
-                let (base, end, plane) =
-                    if upper { (-near[axis + 3], -far[axis + 3], axis) } else { (near[axis], far[axis], axis + 3) };
-                // Adding 0 makes -0 +0.
-                let moves = end - base + 0.0;
-                let side = Side { plane, base: L::splat(base), inverse: L::splat(1.0 / moves) };
-                if (moves >= 0.0) == upper {
-                    hull.sides[hull.from] = side;
-                    hull.from += 1;
-                } else {
-                    up_to -= 1;
-                    hull.sides[up_to] = side;
-                }
-            }
-        }
+        // Sides 3 to 5 back to their signs.
+        let upper = L::mask(0b11_1000);
+        let (near, far) = (L::least(near), L::least(far));
+        let (near, far) = (L::select(upper, near.neg(), near), L::select(upper, far.neg(), far));
+        // Adding 0 makes -0 +0.
+        let moves = far.sub(near).add(L::splat(0.0));
+        let mut hull = Hull {
+            base: [0.0; WIDTH],
+            inverse: [0.0; WIDTH],
+            from: [0.0; WIDTH],
+            to: [0.0; WIDTH],
+            parallel: false,
+            enters: [0; 3],
+        };
+        near.store(&mut hull.base);
+        L::splat(1.0).div(moves).store(&mut hull.inverse);
+        // An upper side that rises comes to a lower plane, a lower side that falls to an upper plane.
+        let rises = L::bits(L::splat(0.0).le(moves));
+        let from = (rises ^ 0b00_0111) & 0b11_1111;
+        L::select(L::mask(from), L::splat(0.0), none.neg()).store(&mut hull.from);
+        L::select(L::mask(from), none, L::splat(0.0)).store(&mut hull.to);
+        hull.parallel = (from ^ from >> 3) & 0b111 == 0b111;
+        hull.enters = three!(axis => axis + 3 * (from >> (axis + 3) & 1) as usize);
         hull
+    }
+
+    /// The t from or up to which side k is inside the children.
+    #[inline(always)]
+    fn time<L: Lanes>(&self, planes: &[[f32; WIDTH]; 6], k: usize, plane: usize) -> L {
+        L::load(&planes[plane]).sub(L::splat(self.base[k])).mul(L::splat(self.inverse[k]))
     }
 
     /// The children that the hull meets.
     #[inline(always)]
-    fn meets(&self, planes: &[[f32; WIDTH]; 6]) -> u32 {
+    fn meets<L: Lanes>(&self, planes: &[[f32; WIDTH]; 6]) -> u32 {
         let (mut from, mut to) = (L::splat(0.0), L::splat(1.0));
-        if self.from == 3 {
-            for k in 0..3 {
+        if self.parallel {
+            for axis in 0..3 {
+                let enters = self.enters[axis];
+                let leaves = 2 * axis + 3 - enters;
                 // 0/0 is no bound: `max` and `min` answer the other.
-                from = self.sides[k].time(planes).max(from);
-                to = self.sides[k + 3].time(planes).min(to);
+                from = self.time::<L>(planes, enters, leaves).max(from);
+                to = self.time::<L>(planes, leaves, enters).min(to);
             }
         } else {
-            for side in &self.sides[..self.from] {
-                from = side.time(planes).max(from);
-            }
-            for side in &self.sides[self.from..] {
-                to = side.time(planes).min(to);
+            for k in 0..6 {
+                let t = self.time::<L>(planes, k, (k + 3) % 6);
+                from = t.add(L::splat(self.from[k])).max(from);
+                to = t.add(L::splat(self.to[k])).min(to);
             }
         }
         L::bits(from.le(to))
     }
 }
 
-impl<L: Lanes> Side<L> {
-    #[inline(always)]
-    fn time(&self, planes: &[[f32; WIDTH]; 6]) -> L {
-        L::load(&planes[self.plane]).sub(self.base).mul(self.inverse)
-    }
-}
-
-/// The least of each of six.
-#[inline(always)]
-fn least_of<L: Lanes>(values: [L; 6]) -> [f32; 6] {
-    let mut least = [0.0; 6];
-    for (value, least) in values.into_iter().zip(&mut least) {
-        let mut numbers = [0.0; WIDTH];
-        value.store(&mut numbers);
-        let four: [f32; 4] =
-            std::array::from_fn(|k| if numbers[k] < numbers[k + 4] { numbers[k] } else { numbers[k + 4] });
-        let two: [f32; 2] = std::array::from_fn(|k| if four[k] < four[k + 2] { four[k] } else { four[k + 2] });
-        *least = if two[0] < two[1] { two[0] } else { two[1] };
-    }
-    least
-}
-
-/// Sixteen rays as two times eight lanes.
-struct Packet<L> {
+/// Sixteen rays as two times eight lanes, and one by one.
+struct Packet<'a, L> {
     rays: [Ray<L>; 2],
     /// One over the direction.
     inverse: [[L; 3]; 2],
+    single: &'a Rays<16>,
+    single_inverse: [[f32; 16]; 3],
+    skin: [f32; 16],
+    reach: [f32; 16],
 }
 
-impl<L: Lanes> Packet<L> {
+impl<'a, L: Lanes> Packet<'a, L> {
     #[inline(always)]
-    fn new(bvh: &Bvh8, rays: &Rays<16>) -> Self {
-        let rays = [Ray::half(bvh, rays, 0), Ray::half(bvh, rays, 1)];
+    fn new(bvh: &Bvh8, single: &'a Rays<16>) -> Self {
+        let rays = [Ray::half(bvh, single, 0), Ray::half(bvh, single, 1)];
         let one = L::splat(1.0);
         let inverse =
             [three!(axis => one.div(rays[0].direction[axis])), three!(axis => one.div(rays[1].direction[axis]))];
-        Packet { rays, inverse }
+        let (mut skin, mut reach, mut single_inverse) = ([0.0; 16], [0.0; 16], [[0.0; 16]; 3]);
+        for half in 0..2 {
+            rays[half].skin.store(eight_mut(&mut skin, half));
+            rays[half].reach.store(eight_mut(&mut reach, half));
+            for axis in 0..3 {
+                inverse[half][axis].store(eight_mut(&mut single_inverse[axis], half));
+            }
+        }
+        Packet { rays, inverse, single, single_inverse, skin, reach }
+    }
+
+    /// Ray `k` in all lanes.
+    #[inline(always)]
+    fn ray(&self, k: usize) -> Ray<L> {
+        let k = k % 16;
+        Ray {
+            origin: three!(axis => L::splat(self.single.origin[axis][k])),
+            direction: three!(axis => L::splat(self.single.direction[axis][k])),
+            near: L::splat(self.single.near[k]),
+            far: L::splat(self.single.far[k]),
+            skin: L::splat(self.skin[k]),
+            reach: L::splat(self.reach[k]),
+        }
+    }
+
+    /// The children whose boxes ray `k` meets.
+    #[inline(always)]
+    fn children(&self, planes: &[[f32; WIDTH]; 6], k: usize) -> u32 {
+        let k = k % 16;
+        let (mut from, mut to) = (L::splat(self.single.near[k]), L::splat(self.single.far[k]));
+        for axis in 0..3 {
+            let (origin, inverse) = (L::splat(self.single.origin[axis][k]), L::splat(self.single_inverse[axis][k]));
+            let a = L::load(&planes[axis]).sub(origin).mul(inverse);
+            let b = L::load(&planes[axis + 3]).sub(origin).mul(inverse);
+            from = a.min(b).max(from);
+            to = a.max(b).min(to);
+        }
+        L::bits(from.le(to))
     }
 
     /// Those of `active` that have a length.
@@ -192,15 +218,22 @@ impl<L: Lanes> Packet<L> {
     }
 }
 
+#[inline(always)]
+fn eight_mut(values: &mut [f32; 16], half: usize) -> &mut [f32; WIDTH] {
+    &mut values.as_chunks_mut::<WIDTH>().0[half]
+}
+
 /// What a walk does with the primitives it comes to.
 trait Visit<L: Lanes> {
     /// Tests a block with those `rays` that enter its box; answers the rays of all that go on.
-    fn visit(&mut self, packet: &Packet<L>, block: &Block, count: usize, opaque: u32, rays: u32, live: u32) -> u32;
+    fn visit(&mut self, packet: &Packet<'_, L>, block: &Block, count: usize, opaque: u32, rays: u32, live: u32) -> u32;
 }
 
+const LONE: u32 = 4;
+const FEW: u32 = 1;
 /// Walks the hierarchy with the rays of `live`.
 #[inline(always)]
-fn walk<L: Lanes>(bvh: &Bvh8, packet: &Packet<L>, mut live: u32, visitor: &mut impl Visit<L>) {
+fn walk<L: Lanes>(bvh: &Bvh8, packet: &Packet<'_, L>, mut live: u32, visitor: &mut impl Visit<L>) {
     if bvh.nodes.is_empty() || live == 0 {
         return;
     }
@@ -210,11 +243,36 @@ fn walk<L: Lanes>(bvh: &Bvh8, packet: &Packet<L>, mut live: u32, visitor: &mut i
     let (mut at, mut rays) = (0_u32, live);
     loop {
         let node = &bvh.nodes[at as usize];
-        let mut hits = hull.meets(&node.planes);
+        let mut inside_of = [0_u32; WIDTH];
+        let mut hits;
+        let count = rays.count_ones();
+        hits = if count <= LONE { node.present } else { hull.meets::<L>(&node.planes) & node.present };
+        if count <= LONE || count <= FEW * hits.count_ones() {
+            let mut left = rays;
+            let met = hits;
+            hits = 0;
+            while left != 0 {
+                let ray = left.trailing_zeros();
+                left &= left - 1;
+                let mut children = packet.children(&node.planes, ray as usize) & met;
+                hits |= children;
+                while children != 0 {
+                    inside_of[children.trailing_zeros() as usize % WIDTH] |= 1 << ray;
+                    children &= children - 1;
+                }
+            }
+        } else {
+            let mut left = hits;
+            while left != 0 {
+                let k = left.trailing_zeros() as usize % WIDTH;
+                left &= left - 1;
+                inside_of[k] = packet.enter(&node.planes, k) & rays;
+            }
+        }
         while hits != 0 {
-            let k = hits.trailing_zeros() as usize;
+            let k = hits.trailing_zeros() as usize % WIDTH;
             hits &= hits - 1;
-            let inside = packet.enter(&node.planes, k) & rays & live;
+            let inside = inside_of[k] & live;
             if inside == 0 {
                 continue;
             }
@@ -254,7 +312,29 @@ struct Blocked {
 
 impl<L: Lanes> Visit<L> for Blocked {
     #[inline(always)]
-    fn visit(&mut self, packet: &Packet<L>, block: &Block, _: usize, opaque: u32, mut rays: u32, mut live: u32) -> u32 {
+    fn visit(
+        &mut self,
+        packet: &Packet<'_, L>,
+        block: &Block,
+        _: usize,
+        opaque: u32,
+        mut rays: u32,
+        mut live: u32,
+    ) -> u32 {
+        if rays.count_ones() <= 2 * opaque.count_ones() {
+            let surface = Surface::all(block);
+            while rays != 0 {
+                let ray = rays.trailing_zeros();
+                rays &= rays - 1;
+                let hit = L::bits(cross(&packet.ray(ray as usize), &surface).mask) & opaque;
+                if hit != 0 {
+                    self.bits |= 1 << ray;
+                    self.last = block.ids[hit.trailing_zeros() as usize % WIDTH];
+                    live &= !(1 << ray);
+                }
+            }
+            return live;
+        }
         let mut left = opaque;
         while left != 0 {
             let lane = left.trailing_zeros() as usize;
@@ -306,7 +386,7 @@ struct Passed<'a, F> {
 
 impl<L: Lanes, F: Filter> Visit<L> for Passed<'_, F> {
     #[inline(always)]
-    fn visit(&mut self, packet: &Packet<L>, block: &Block, count: usize, opaque: u32, rays: u32, live: u32) -> u32 {
+    fn visit(&mut self, packet: &Packet<'_, L>, block: &Block, count: usize, opaque: u32, rays: u32, live: u32) -> u32 {
         let mut blocked = 0;
         for lane in 0..count.min(WIDTH) {
             let surface = Surface::one(block, lane);

@@ -155,7 +155,7 @@ impl Shaft {
                 break;
             }
         }
-        L::bits(inside)
+        L::bits(inside) & node.present
     }
 
     /// The primitives that may reach into the hull by more than `tolerance`, and do not lie in one of the two planes.
