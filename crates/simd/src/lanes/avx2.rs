@@ -68,6 +68,28 @@ impl Lanes for Avx2 {
         Avx2(unsafe { _mm256_max_ps(self.0, other.0) })
     }
     #[inline(always)]
+    fn least(v: [Self; WIDTH]) -> Self {
+        // SAFETY: see above the impl.
+        unsafe {
+            // Rows of two registers side by side: even lanes of both, odd lanes of both, within halves of 128 bits.
+            let fold = |a: __m256, b: __m256| {
+                _mm256_min_ps(_mm256_shuffle_ps::<0b10_00_10_00>(a, b), _mm256_shuffle_ps::<0b11_01_11_01>(a, b))
+            };
+            let (a, b) = (fold(v[0].0, v[1].0), fold(v[2].0, v[3].0));
+            let (c, d) = (fold(v[4].0, v[5].0), fold(v[6].0, v[7].0));
+            // Low halves hold the least of lanes 0 to 3 of four values, high halves of lanes 4 to 7.
+            let (a, c) = (fold(a, b), fold(c, d));
+            let low = _mm256_permute2f128_ps::<0x20>(a, c);
+            let high = _mm256_permute2f128_ps::<0x31>(a, c);
+            Avx2(_mm256_min_ps(low, high))
+        }
+    }
+    #[inline(always)]
+    fn flip(self, other: Self) -> Self {
+        // SAFETY: see above the impl.
+        Avx2(unsafe { _mm256_xor_ps(self.0, _mm256_and_ps(other.0, _mm256_set1_ps(-0.0))) })
+    }
+    #[inline(always)]
     fn lt(self, other: Self) -> Self::Mask {
         // SAFETY: see above the impl.
         unsafe { _mm256_cmp_ps::<_CMP_LT_OQ>(self.0, other.0) }

@@ -76,6 +76,28 @@ pub(crate) trait Lanes: Copy {
     fn abs(self) -> Self {
         self.max(self.neg())
     }
+
+    /// Lane k is the least lane of `values[k]`, found as [`least`] does.
+    #[inline(always)]
+    fn least(values: [Self; WIDTH]) -> Self {
+        let mut out = [0.0; WIDTH];
+        for (value, out) in values.into_iter().zip(&mut out) {
+            let mut numbers = [0.0; WIDTH];
+            value.store(&mut numbers);
+            *out = least(&numbers);
+        }
+        Self::load(&out)
+    }
+
+    /// With the sign flipped where the other's sign bit is set.
+    fn flip(self, other: Self) -> Self;
+}
+
+/// The least of eight, compared in an order that all backends keep: neighbours, then pairs, then halves.
+#[inline(always)]
+fn least(v: &[f32; WIDTH]) -> f32 {
+    let min = |a: f32, b: f32| if a < b { a } else { b };
+    min(min(min(v[0], v[1]), min(v[2], v[3])), min(min(v[4], v[5]), min(v[6], v[7])))
 }
 
 /// An instruction set that lanes can be made of.
@@ -83,7 +105,7 @@ pub(crate) trait Lanes: Copy {
 pub enum Backend {
     /// Plain code, on every processor.
     Scalar,
-    /// AVX2 of x86-64.
+    /// AVX2 of x86-64, with the instructions on bits that came with it.
     #[cfg(target_arch = "x86_64")]
     Avx2,
     /// NEON of AArch64, two registers of four.
@@ -104,7 +126,12 @@ impl Backend {
     pub fn available() -> Vec<Backend> {
         let mut all = vec![Backend::Scalar];
         #[cfg(target_arch = "x86_64")]
-        if std::arch::is_x86_feature_detected!("avx2") {
+        if std::arch::is_x86_feature_detected!("avx2")
+            && std::arch::is_x86_feature_detected!("bmi1")
+            && std::arch::is_x86_feature_detected!("bmi2")
+            && std::arch::is_x86_feature_detected!("lzcnt")
+            && std::arch::is_x86_feature_detected!("popcnt")
+        {
             all.push(Backend::Avx2);
         }
         #[cfg(target_arch = "aarch64")]
@@ -130,26 +157,29 @@ impl Backend {
 /// Runs an `#[inline(always)]` function generic over [`Lanes`] on a backend.
 ///
 /// `dispatch!(fn name(arg: Type, ...) -> Result = body)` makes `fn name(backend: Backend, arg: Type, ...) -> Result`, which
-/// calls `body::<L>(arg, ...)` with the backend's lanes, compiled with its instructions.
+/// calls `body::<L>(arg, ...)` with the backend's lanes, compiled with its instructions. One generic argument is passed on:
+/// `fn name<F: Trait>(...)` calls `body::<L, F>`.
 macro_rules! dispatch {
-    ($(#[$meta:meta])* $visibility:vis fn $name:ident($($argument:ident: $type:ty),* $(,)?) -> $result:ty = $body:ident) => {
+    ($(#[$meta:meta])* $visibility:vis fn $name:ident $(<$kind:ident: $bound:path>)? (
+        $($argument:ident: $type:ty),* $(,)?
+    ) -> $result:ty = $body:ident) => {
         $(#[$meta])*
         #[allow(clippy::too_many_arguments)]
-        $visibility fn $name(backend: $crate::lanes::Backend, $($argument: $type),*) -> $result {
+        $visibility fn $name$(<$kind: $bound>)?(backend: $crate::lanes::Backend, $($argument: $type),*) -> $result {
             #[cfg(target_arch = "x86_64")]
-            #[target_feature(enable = "avx2")]
+            #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
             #[allow(clippy::too_many_arguments)]
-            fn avx2($($argument: $type),*) -> $result {
-                $body::<$crate::lanes::Avx2>($($argument),*)
+            fn avx2$(<$kind: $bound>)?($($argument: $type),*) -> $result {
+                $body::<$crate::lanes::Avx2 $(, $kind)?>($($argument),*)
             }
             #[cfg(target_arch = "aarch64")]
             #[target_feature(enable = "neon")]
             #[allow(clippy::too_many_arguments)]
-            fn neon($($argument: $type),*) -> $result {
-                $body::<$crate::lanes::Neon>($($argument),*)
+            fn neon$(<$kind: $bound>)?($($argument: $type),*) -> $result {
+                $body::<$crate::lanes::Neon $(, $kind)?>($($argument),*)
             }
             match backend {
-                $crate::lanes::Backend::Scalar => $body::<$crate::lanes::Scalar>($($argument),*),
+                $crate::lanes::Backend::Scalar => $body::<$crate::lanes::Scalar $(, $kind)?>($($argument),*),
                 // SAFETY: the processor has the instructions: such a `Backend` comes from `Backend::available`, which asked it.
                 #[cfg(target_arch = "x86_64")]
                 $crate::lanes::Backend::Avx2 => unsafe { avx2($($argument),*) },
@@ -180,6 +210,8 @@ mod tests {
             x.max(y),
             x.neg(),
             x.abs(),
+            x.flip(y),
+            L::least([x, y, x.neg(), y.neg(), x.sub(y), y.abs(), x.add(y), y]),
             L::select(x.lt(y), x, y),
             L::select(L::mask(0b1010_0110), x, y),
             L::splat(a[3]),

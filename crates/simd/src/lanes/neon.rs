@@ -76,6 +76,17 @@ impl Lanes for Neon {
         Self::select(other.lt(self), self, other)
     }
     #[inline(always)]
+    fn flip(self, other: Self) -> Self {
+        // SAFETY: as in `both!`.
+        unsafe {
+            let sign = vdupq_n_u32(1 << 31);
+            let one = |a, b| {
+                vreinterpretq_f32_u32(veorq_u32(vreinterpretq_u32_f32(a), vandq_u32(vreinterpretq_u32_f32(b), sign)))
+            };
+            Neon(one(self.0, other.0), one(self.1, other.1))
+        }
+    }
+    #[inline(always)]
     fn lt(self, other: Self) -> Self::Mask {
         both!(vcltq_f32, self, other, NeonMask)
     }

@@ -59,6 +59,10 @@ impl Lanes for Scalar {
         Scalar(zip(&self.0, &other.0, |&a, &b| if a > b { a } else { b }))
     }
     #[inline(always)]
+    fn flip(self, other: Self) -> Self {
+        Scalar(zip(&self.0, &other.0, |a, b| f32::from_bits(a.to_bits() ^ (b.to_bits() & (1 << 31)))))
+    }
+    #[inline(always)]
     fn lt(self, other: Self) -> Self::Mask {
         zip(&self.0, &other.0, |a, b| a < b)
     }
