@@ -1,0 +1,394 @@
+//! Two nodes go in, what each throws on the other comes out: closed-form factors at the receiver's points, visibilities
+//! by packets of rays.
+
+use crate::clusters::Clusters;
+use crate::geometry::{Element, Geometry};
+use crate::link::{CLUSTER, Link, MIDDLE, State};
+use crate::rays::{Jitter, Packet, RAYS, point_of, sample};
+use glam::Vec3;
+use isolux_simd::factor::{Polygon, point_factors};
+use std::f32::consts::FRAC_1_PI;
+
+/// Corners of a receiver are moved towards its middle by this share, so that a wall that stands on the border is seen at
+/// all: in its plane its factor is 0 from one side and 1/2 from the other. Irradiance changes over an element by its own
+/// size, so this costs about a hundredth of that change.
+const INSET: f32 = 0.01;
+
+/// Distance of middles, in sums of radii, below which nodes are neighbours.
+const NEAR: f32 = 1.5;
+
+/// `a` receives from `b`.
+pub(crate) const A_RECEIVES: u8 = 1;
+/// `b` receives from `a`.
+pub(crate) const B_RECEIVES: u8 = 2;
+
+/// What evaluations look at.
+#[derive(Clone, Copy)]
+pub(crate) struct Evaluator<'a> {
+    pub(crate) geometry: &'a Geometry,
+    pub(crate) clusters: &'a Clusters,
+    pub(crate) elements: &'a [Element],
+    pub(crate) seed: u64,
+}
+
+/// Visibility over a receiver.
+#[derive(Clone, Copy)]
+struct Sight {
+    /// At the corners and the middle.
+    at: [f32; 5],
+    state: State,
+}
+
+fn byte(share: f32) -> u8 {
+    (share.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
+}
+
+/// Corners, a little inside, and middle.
+pub(crate) fn points(element: &Element) -> [Vec3; 5] {
+    let centre = element.centre();
+    std::array::from_fn(
+        |k| if k == MIDDLE { centre } else { element.corners[k] + (centre - element.corners[k]) * INSET },
+    )
+}
+
+impl Evaluator<'_> {
+    fn normal(&self, element: &Element) -> Vec3 {
+        self.geometry.surfaces[element.polygon as usize].normal
+    }
+
+    /// Highest corner of `element` above the plane of `polygon`, metres.
+    fn rise(&self, element: &Element, polygon: u32) -> f32 {
+        let surface = &self.geometry.surfaces[polygon as usize];
+        let height = |corner: &Vec3| surface.normal.dot(*corner) - surface.offset;
+        element.corners.iter().map(height).fold(f32::NEG_INFINITY, f32::max)
+    }
+
+    /// Middle and radius of a node.
+    pub(crate) fn ball(&self, node: u32) -> (Vec3, f32) {
+        if node & CLUSTER != 0 {
+            let cluster = &self.clusters.nodes[(node & !CLUSTER) as usize];
+            (cluster.centre, cluster.radius)
+        } else {
+            let element = &self.elements[node as usize];
+            (element.centre(), element.radius())
+        }
+    }
+
+    fn name(&self, node: u32) -> u64 {
+        if node & CLUSTER != 0 { u64::from(node) << 32 } else { self.elements[node as usize].path.to_bits() }
+    }
+
+    /// Both directions of a pair, those in `wants`, with 16 rays between the nodes; none where nothing can arrive.
+    /// `clear`: it is proven that nothing lies between them.
+    pub(crate) fn pair(&self, a: u32, b: u32, wants: u8, clear: bool, last: &mut u32) -> [Option<Link>; 2] {
+        if a & CLUSTER == 0 && b & CLUSTER == 0 {
+            self.elements_pair(a, b, wants, clear, last)
+        } else {
+            self.clusters_pair(a, b, wants, last)
+        }
+    }
+
+    fn elements_pair(&self, a: u32, b: u32, wants: u8, clear: bool, last: &mut u32) -> [Option<Link>; 2] {
+        let (x, y) = (&self.elements[a as usize], &self.elements[b as usize]);
+        let tolerance = self.geometry.tolerance;
+        if self.rise(y, x.polygon) <= tolerance || self.rise(x, y.polygon) <= tolerance {
+            return [None, None];
+        }
+        let (there, back) = self.exchange(x, y);
+        let there = if wants & A_RECEIVES != 0 { there } else { [0.0; 5] };
+        let back = if wants & B_RECEIVES != 0 { back } else { [0.0; 5] };
+        let any = |factors: &[f32; 5]| factors.iter().any(|&factor| factor > 0.0);
+        if !any(&there) && !any(&back) {
+            return [None, None];
+        }
+        let [at_a, at_b] = self.between(a, b, clear, last);
+        // Few of 16 rays between neighbours carry most of the light: where it comes from is then asked of the quarters.
+        let near = x.centre().distance(y.centre()) < NEAR * (x.radius() + y.radius());
+        let link = |receiver: u32, source: u32, factors: [f32; 5], mut sight: Sight| {
+            if near && sight.state.visibility == 255 {
+                sight.state = sight.state.from(self.centre_by_quarters(receiver, source));
+            }
+            let factors = std::array::from_fn(|k| factors[k] * sight.at[k]);
+            any(&factors).then_some(Link { receiver, source, factors, state: sight.state })
+        };
+        [link(a, b, there, at_a), link(b, a, back, at_b)]
+    }
+
+    /// Unoccluded factors of both directions.
+    ///
+    /// Five points may miss what a source much smaller than the receiver throws on the place beside it; seen from the
+    /// small one everything is smooth. So the larger one's mean is made what reciprocity says it is:
+    /// `A_i mean F_ij = A_j mean F_ji`.
+    pub(crate) fn exchange(&self, x: &Element, y: &Element) -> ([f32; 5], [f32; 5]) {
+        let (mut there, mut back) = (self.factors(x, y), self.factors(y, x));
+        if x.area > y.area {
+            reconcile(&mut there, x.count, y.area / x.area * mean(&back, y.count));
+        } else {
+            reconcile(&mut back, y.count, x.area / y.area * mean(&there, x.count));
+        }
+        (there, back)
+    }
+
+    /// Where on a source light comes from, on average over a receiver: middles of the source's quarters by their factors.
+    fn centre_by_quarters(&self, receiver: u32, source: u32) -> [f32; 2] {
+        let (x, y) = (&self.elements[receiver as usize], &self.elements[source as usize]);
+        let middles = if y.count == 4 {
+            [[0.25, 0.25], [0.75, 0.25], [0.75, 0.75], [0.25, 0.75]]
+        } else {
+            const SIXTH: f32 = 1.0 / 6.0;
+            [[SIXTH, SIXTH], [2.0 / 3.0, SIXTH], [SIXTH, 2.0 / 3.0], [1.0 / 3.0, 1.0 / 3.0]]
+        };
+        let (mut sum, mut whole) = ([0.0; 2], 0.0);
+        for (quarter, middle) in y.quarters(source).iter().zip(middles) {
+            let share = mean(&self.factors(x, quarter), x.count);
+            sum = [sum[0] + share * middle[0], sum[1] + share * middle[1]];
+            whole += share;
+        }
+        if whole > 0.0 { sum.map(|value| value / whole) } else { [0.5; 2] }
+    }
+
+    /// Unoccluded factors at the points of `receiver`.
+    pub(crate) fn factors(&self, receiver: &Element, source: &Element) -> [f32; 5] {
+        let points = points(receiver);
+        let mut lanes = [[0.0; 8]; 3];
+        for k in 0..8 {
+            let point = points[k.min(MIDDLE)];
+            for axis in 0..3 {
+                lanes[axis][k] = point[axis];
+            }
+        }
+        let normals = self.normal(receiver).to_array().map(|value| [value; 8]);
+        let source = Polygon {
+            corners: source.corners.map(|corner| corner.to_array()),
+            count: source.count,
+            normal: self.normal(source).to_array(),
+        };
+        let factors = point_factors(self.geometry.backend, &lanes, &normals, &source);
+        std::array::from_fn(|k| factors[k])
+    }
+
+    /// Rays between two nodes, and what they say of both.
+    fn between(&self, a: u32, b: u32, clear: bool, last: &mut u32) -> [Sight; 2] {
+        let mut jitter = Jitter::new(self.name(a), self.name(b), self.seed);
+        let turn = jitter.bits() as usize;
+        let (turn_a, turn_b) = (turn & 3, turn >> 2 & 3);
+        let mut packet = Packet::new();
+        let (mut starts, mut ends) = ([[0.5; 2]; RAYS], [[0.5; 2]; RAYS]);
+        let tolerance = self.geometry.tolerance;
+        let pairing = |k: usize| ((k & 3) ^ turn_a) << 2 | ((k >> 2) ^ turn_b);
+        for k in 0..RAYS {
+            let [s, t, u, v] = jitter.four();
+            let [e, f, _, _] = if (a | b) & CLUSTER != 0 { jitter.four() } else { [0.0; 4] };
+            let (from, normal, place) = sample(a, k, [s, t], e, self.geometry, self.clusters, self.elements);
+            let (to, other, target) = sample(b, pairing(k), [u, v], f, self.geometry, self.clusters, self.elements);
+            (starts[k], ends[k]) = (place, target);
+            packet.set(k, from, normal, to, other, tolerance);
+        }
+        let through = if clear { [1.0; RAYS] } else { packet.through(self.geometry, last) };
+        let triangle = |node: u32| node & CLUSTER == 0 && self.elements[node as usize].count == 3;
+        [
+            sight(&packet.weights, &through, |k| k >> 2, triangle(a), centre(&packet.weights, &through, &ends), clear),
+            sight(
+                &packet.weights,
+                &through,
+                |k| pairing(k) >> 2,
+                triangle(b),
+                centre(&packet.weights, &through, &starts),
+                clear,
+            ),
+        ]
+    }
+
+    /// A link of two elements with 4^(rays+1) rays to the source from each of the receiver's points.
+    pub(crate) fn points(&self, receiver: u32, source: u32, rays: u8, last: &mut u32) -> Option<Link> {
+        let (x, y) = (&self.elements[receiver as usize], &self.elements[source as usize]);
+        let (mut factors, _) = self.exchange(x, y);
+        let (normal, other) = (self.normal(x), self.normal(y));
+        let mut at = [0.0; 5];
+        let (mut least, mut most, mut saturated) = (1.0_f32, 0.0_f32, false);
+        let (mut sum, mut whole) = (0.0, 0.0);
+        let (mut middle, mut lit, mut places) = ([0.0; 2], 0.0, [[0.0; 2]; RAYS]);
+        for (k, point) in points(x).into_iter().enumerate() {
+            if factors[k] <= 0.0 || k == 3 && x.count == 3 {
+                factors[k] = if k == 3 && x.count == 3 { 0.0 } else { factors[k] };
+                continue;
+            }
+            // Named by place: leaves that share a corner look from it along the same rays, but for the inset.
+            let place = |value: f32| u64::from((value / self.geometry.tolerance / 64.0).round() as i32 as u32);
+            let name = if k == MIDDLE { point } else { x.corners[k] };
+            let name = place(name.x) ^ place(name.y) << 21 ^ place(name.z) << 42;
+            let mut jitter = Jitter::new(name, y.path.to_bits(), self.seed);
+            let (mut seen, mut all) = (0.0, 0.0);
+            let mut packet = Packet::new();
+            let depth = rays as usize + 1;
+            for first in (0..1_usize << (2 * depth)).step_by(RAYS) {
+                for ray in 0..RAYS {
+                    let [s, t, _, _] = jitter.four();
+                    let (to, place) = point_of(y, depth, first + ray, [s, t]);
+                    places[ray] = place;
+                    packet.set(ray, point, normal, to, other, self.geometry.tolerance);
+                }
+                let through = packet.through(self.geometry, last);
+                for ray in 0..RAYS {
+                    let weight = packet.weights[ray] * through[ray];
+                    seen += weight;
+                    all += packet.weights[ray];
+                    middle = [middle[0] + weight * places[ray][0], middle[1] + weight * places[ray][1]];
+                    lit += weight;
+                }
+            }
+            at[k] = if all > 0.0 { seen / all } else { 0.5 };
+            least = least.min(at[k]);
+            most = most.max(at[k]);
+            saturated |= at[k] <= 0.0 || at[k] >= 1.0;
+            sum += at[k] * factors[k];
+            whole += factors[k];
+        }
+        if whole <= 0.0 {
+            return None;
+        }
+        let flags = if saturated { State::SATURATED } else { 0 };
+        let centre = if lit > 0.0 { middle.map(|value| value / lit) } else { [0.5; 2] };
+        let state = State::new(byte(sum / whole), byte(most - least), rays, flags, centre);
+        let (at, state) = shaded(at, state);
+        Some(Link { receiver, source, factors: std::array::from_fn(|k| factors[k] * at[k]), state })
+    }
+
+    fn clusters_pair(&self, a: u32, b: u32, wants: u8, last: &mut u32) -> [Option<Link>; 2] {
+        let ((from, radius), (to, other)) = (self.ball(a), self.ball(b));
+        let tolerance = self.geometry.tolerance;
+        for (element, cluster) in [(a, b), (b, a)] {
+            if element & CLUSTER == 0 {
+                let polygon = self.elements[element as usize].polygon;
+                if self.clusters.reach(cluster & !CLUSTER, self.geometry, polygon) <= tolerance {
+                    return [None, None];
+                }
+            }
+        }
+        // Balls that overlap throw no more on each other than if they touched.
+        let touching = (radius + other) * (radius + other);
+        let broad = if from.distance_squared(to) <= touching { State::BROAD } else { 0 };
+        let [at_a, at_b] = self.between(a, b, false, last);
+        let link = |receiver: u32, source: u32, sight: Sight| {
+            let (source_centre, source_radius) = self.ball(source);
+            let mut factors = [0.0; 5];
+            let mut state = sight.state.with(broad);
+            if receiver & CLUSTER == 0 {
+                let element = &self.elements[receiver as usize];
+                let normal = self.normal(element);
+                for (k, point) in points(element).into_iter().enumerate() {
+                    let towards = source_centre - point;
+                    let square = towards.length_squared();
+                    let rise = horizon(normal.dot(towards), source_radius, &mut state);
+                    factors[k] = sight.at[k] * rise / (square.sqrt() * square.max(touching));
+                }
+            } else {
+                let (centre, own_radius) = self.ball(receiver);
+                let towards = source_centre - centre;
+                let square = towards.length_squared();
+                factors[0] = sight.at[MIDDLE] / square.max(touching);
+                if source & CLUSTER == 0 {
+                    let element = &self.elements[source as usize];
+                    let rise = horizon(-self.normal(element).dot(towards), own_radius, &mut state);
+                    factors[0] *= element.area * rise / square.sqrt() * FRAC_1_PI;
+                }
+            }
+            if !factors.iter().all(|factor| factor.is_finite()) {
+                // Middles that coincide: only a split can tell.
+                factors = [1.0 / touching; 5];
+                state = state.with(State::BROAD);
+            }
+            let sight = Sight { state, ..sight };
+            Some(Link { receiver, source, factors, state: sight.state })
+        };
+        [
+            if wants & A_RECEIVES != 0 { link(a, b, at_a) } else { None },
+            if wants & B_RECEIVES != 0 { link(b, a, at_b) } else { None },
+        ]
+    }
+}
+
+/// Mean over an element of a field known at corners and middle, exact for quadratics.
+pub(crate) fn mean(at: &[f32; 5], count: u32) -> f32 {
+    let share = if count == 4 { 2.0 / 3.0 } else { 0.75 };
+    at[..count as usize].iter().sum::<f32>() / 12.0 + at[MIDDLE] * share
+}
+
+/// Gives a field the mean that it is known to have: at the middle, where it lacks; everywhere, where it has too much.
+fn reconcile(at: &mut [f32; 5], count: u32, wanted: f32) {
+    let found = mean(at, count);
+    if wanted < found {
+        let share = wanted / found;
+        at.iter_mut().for_each(|value| *value *= share);
+    } else {
+        at[MIDDLE] += (wanted - found) / if count == 4 { 2.0 / 3.0 } else { 0.75 };
+    }
+}
+
+/// Height of a ball's middle above a plane, metres. Where the plane cuts through the ball, which is noted, a mean of its
+/// part above.
+fn horizon(height: f32, radius: f32, state: &mut State) -> f32 {
+    if height >= radius {
+        return height;
+    }
+    *state = state.with(State::GRAZING);
+    // A ball of even density: the mean of max(0, h + x) with x spread over [-r, r].
+    0.25 * (height + radius).max(0.0) * (height + radius).max(0.0) / radius
+}
+
+/// Visibility over a receiver from rays whose quarter of it `quarter` tells.
+fn sight(
+    weights: &[f32; RAYS],
+    through: &[f32; RAYS],
+    quarter: impl Fn(usize) -> usize,
+    triangle: bool,
+    centre: [f32; 2],
+    clear: bool,
+) -> Sight {
+    let (mut seen, mut all) = ([0.0_f32; 4], [0.0_f32; 4]);
+    for k in 0..RAYS {
+        seen[quarter(k)] += weights[k] * through[k];
+        all[quarter(k)] += weights[k];
+    }
+    let whole: f32 = all.iter().sum();
+    let mean = if whole > 0.0 { seen.iter().sum::<f32>() / whole } else { 0.5 };
+    let quarters: [f32; 4] = std::array::from_fn(|k| if all[k] > 0.0 { seen[k] / all[k] } else { mean });
+    let variance = quarters.iter().map(|value| (value - mean) * (value - mean)).sum::<f32>() / 4.0;
+    // Four rays each say so much even where all quarters see the same.
+    let chance = mean * (1.0 - mean) / 4.0;
+    let signal = (variance - chance).max(0.0);
+    let spread = 2.0 * signal.sqrt();
+    let saturated = quarters.iter().any(|&value| value <= 0.0 || value >= 1.0);
+    // A linear function differs twice as much between corners as between quarters; what chance does is taken off.
+    let stretch = if variance > 0.0 { 2.0 * signal / variance } else { 0.0 };
+    let corner = |k: usize| {
+        let k = if triangle { k.min(2) } else { k };
+        (mean + stretch * (quarters[k] - mean)).clamp(0.0, 1.0)
+    };
+    let at = [corner(0), corner(1), corner(2), corner(3), mean];
+    if clear {
+        return Sight { at: [1.0; 5], state: State::new(255, 0, 0, State::CLEAR, centre) };
+    }
+    let flags = if saturated { State::SATURATED } else { 0 };
+    let (at, state) = shaded(at, State::new(byte(mean), byte(spread), 0, flags, centre));
+    Sight { at, state }
+}
+
+/// Mean place of what gets through.
+fn centre(weights: &[f32; RAYS], through: &[f32; RAYS], places: &[[f32; 2]; RAYS]) -> [f32; 2] {
+    let (mut sum, mut whole) = ([0.0; 2], 0.0);
+    for k in 0..RAYS {
+        let weight = weights[k] * through[k];
+        sum = [sum[0] + weight * places[k][0], sum[1] + weight * places[k][1]];
+        whole += weight;
+    }
+    if whole > 0.0 { sum.map(|value| value / whole) } else { [0.5; 2] }
+}
+
+/// Where every ray was blocked, all is kept but what it counts for.
+fn shaded(at: [f32; 5], state: State) -> ([f32; 5], State) {
+    if at.iter().any(|&at| at > 0.0) {
+        return (at, state.seen(state.visibility.max(1)));
+    }
+    ([1.0; 5], state.seen(0).with(State::DARK))
+}

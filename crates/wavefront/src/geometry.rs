@@ -1,0 +1,181 @@
+//! A scene in single precision about its middle: surfaces, the quadtrees above them that grow by need, and the tree that
+//! rays walk.
+
+use glam::{DVec3, Vec3};
+use isolux_core::scene::{Corners, Scene};
+use isolux_core::tree::Path;
+use isolux_simd::bvh::{Bvh8, Filter, Primitive};
+use isolux_simd::lanes::Backend;
+use std::sync::Arc;
+
+/// Distance below which things count as touching, in the scene's diameters. Coordinates about the middle carry a rounding
+/// of 3e-8 diameters, a ray's hit a few times that: 40 micrometres in a room of 10 m are a hundred of them, and a 25th of
+/// the gap of 1 mm that must be resolved there.
+const RELATIVE_TOLERANCE: f64 = 4e-6;
+
+/// No index: parent of a root, child of a leaf.
+pub(crate) const NONE: u32 = u32::MAX;
+
+/// What a polygon is to light.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Surface {
+    /// Unit normal on the lit side.
+    pub(crate) normal: Vec3,
+    /// Distance of the plane from the middle, along the normal, metres.
+    pub(crate) offset: f32,
+    pub(crate) reflectance: [f32; 3],
+    pub(crate) emission: [f32; 3],
+}
+
+/// A node of a polygon's quadtree: the polygon itself, or a quarter of its parent.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Element {
+    /// Counter-clockwise; the last of a triangle is its third again.
+    pub(crate) corners: [Vec3; 4],
+    pub(crate) area: f32,
+    pub(crate) polygon: u32,
+    pub(crate) parent: u32,
+    pub(crate) first_child: u32,
+    /// 3 or 4.
+    pub(crate) count: u32,
+    pub(crate) path: Path,
+}
+
+impl Element {
+    /// Its middle: mean of its corners.
+    pub(crate) fn centre(&self) -> Vec3 {
+        let sum = self.corners[0] + self.corners[1] + self.corners[2];
+        if self.count == 4 { (sum + self.corners[3]) * 0.25 } else { sum / 3.0 }
+    }
+
+    /// Greatest distance of a corner from the middle, metres.
+    pub(crate) fn radius(&self) -> f32 {
+        let centre = self.centre();
+        self.corners.iter().map(|corner| corner.distance_squared(centre)).fold(0.0, f32::max).sqrt()
+    }
+
+    fn new(corners: [Vec3; 4], count: u32, polygon: u32, parent: u32, path: Path) -> Element {
+        let [a, b, c, d] = corners;
+        let area = 0.5 * (c - a).cross(d - b).length();
+        let area = if count == 4 { area } else { 0.5 * (b - a).cross(c - a).length() };
+        Element { corners, area, polygon, parent, first_child: NONE, count, path }
+    }
+
+    /// Its quarters: quarter k < n touches corner k, the fourth of a triangle is its middle.
+    pub(crate) fn quarters(&self, own: u32) -> [Element; 4] {
+        let [a, b, c, d] = self.corners;
+        let middle = |a: Vec3, b: Vec3| (a + b) * 0.5;
+        let (ab, bc) = (middle(a, b), middle(b, c));
+        let corners = if self.count == 4 {
+            let (cd, da, centre) = (middle(c, d), middle(d, a), middle(middle(a, c), middle(b, d)));
+            [[a, ab, centre, da], [ab, b, bc, centre], [centre, bc, c, cd], [da, centre, cd, d]]
+        } else {
+            let ca = middle(c, a);
+            [[a, ab, ca, ca], [ab, b, bc, bc], [ca, bc, c, c], [bc, ca, ab, ab]]
+        };
+        let path = |k: usize| self.path.child(k as u32);
+        std::array::from_fn(|k| Element::new(corners[k], self.count, self.polygon, own, path(k)))
+    }
+}
+
+/// Everything that light does not change.
+pub(crate) struct Geometry {
+    pub(crate) scene: Arc<Scene>,
+    /// What was taken from every coordinate.
+    pub(crate) middle: DVec3,
+    pub(crate) tolerance: f32,
+    pub(crate) surfaces: Vec<Surface>,
+    pub(crate) bvh: Bvh8,
+    /// Front polygon of each primitive of the tree.
+    pub(crate) polygon_of: Vec<u32>,
+    primitives: Vec<Primitive>,
+    /// Is every surface opaque?
+    pub(crate) opaque: bool,
+    pub(crate) backend: Backend,
+}
+
+impl Geometry {
+    pub(crate) fn new(scene: Arc<Scene>) -> Geometry {
+        let fronts = &scene.polygons[..scene.fronts];
+        let corners = || fronts.iter().flat_map(|polygon| polygon.corners.iter().copied());
+        let low = corners().fold(DVec3::INFINITY, DVec3::min);
+        let high = corners().fold(DVec3::NEG_INFINITY, DVec3::max);
+        let middle = (low + high) * 0.5;
+        let point = |corner: DVec3| (corner - middle).as_vec3();
+        let surfaces = scene.polygons.iter().map(|polygon| {
+            let normal = polygon.plane.normal.as_vec3();
+            let offset = (polygon.plane.offset - polygon.plane.normal.dot(middle)) as f32;
+            let bands = |rgb: isolux_core::units::Rgb| rgb.0.map(|value| value as f32);
+            Surface { normal, offset, reflectance: bands(polygon.reflectance), emission: bands(polygon.emission) }
+        });
+        let surfaces: Vec<Surface> = surfaces.collect();
+        let tolerance = (scene.diameter * RELATIVE_TOLERANCE) as f32;
+        let mut primitives = Vec::with_capacity(fronts.len());
+        let mut polygon_of = Vec::with_capacity(fronts.len());
+        for (index, polygon) in fronts.iter().enumerate() {
+            let opaque = polygon.mask.is_none() && polygon.opacity >= 1.0;
+            let mut push = |a: DVec3, b: DVec3, c: DVec3, parallelogram| {
+                let (origin, b, c) = (point(a), point(b), point(c));
+                let (u, v) = ((b - origin).to_array(), (c - origin).to_array());
+                primitives.push(Primitive { origin: origin.to_array(), u, v, parallelogram, opaque });
+                polygon_of.push(index as u32);
+            };
+            match *polygon.corners {
+                [a, b, c] => push(a, b, c, false),
+                [a, b, c, d] if is_parallelogram(a, b, c, d, scene.tolerance()) => push(a, b, d, true),
+                [a, b, c, d] => {
+                    push(a, b, c, false);
+                    push(a, c, d, false);
+                }
+                _ => unreachable!("corners are three or four"),
+            }
+        }
+        let opaque = primitives.iter().all(|primitive| primitive.opaque);
+        let bvh = Bvh8::build(&primitives);
+        let backend = Backend::best();
+        Geometry { scene, middle, tolerance, surfaces, bvh, polygon_of, primitives, opaque, backend }
+    }
+
+    /// One element for each polygon, named by its index.
+    pub(crate) fn roots(&self) -> Vec<Element> {
+        let root = |(index, polygon): (usize, &isolux_core::scene::Polygon)| {
+            let index = index as u32;
+            Element::new(self.corners(&polygon.corners), polygon.corners.len() as u32, index, NONE, Path::root(index))
+        };
+        self.scene.polygons.iter().enumerate().map(root).collect()
+    }
+
+    fn corners(&self, corners: &Corners) -> [Vec3; 4] {
+        std::array::from_fn(|k| (corners[k.min(corners.len() - 1)] - self.middle).as_vec3())
+    }
+}
+
+/// Are opposite sides equal, to a tolerance in metres?
+fn is_parallelogram(a: DVec3, b: DVec3, c: DVec3, d: DVec3, tolerance: f64) -> bool {
+    (a - b + c - d).length() <= tolerance
+}
+
+/// Appends the quarters of `element`, unless it has some, and returns the first.
+pub(crate) fn split(elements: &mut Vec<Element>, element: u32) -> u32 {
+    let node = elements[element as usize];
+    if node.first_child != NONE {
+        return node.first_child;
+    }
+    let first = elements.len() as u32;
+    elements.extend(node.quarters(element));
+    elements[element as usize].first_child = first;
+    first
+}
+
+/// What light passes through surfaces that are not opaque: opacity, or a texel of a mask.
+impl Filter for Geometry {
+    fn passes(&self, primitive: u32, u: f32, v: f32) -> f32 {
+        let polygon = &self.scene.polygons[self.polygon_of[primitive as usize] as usize];
+        let Some(mask) = polygon.mask else { return (1.0 - polygon.opacity) as f32 };
+        let shape = &self.primitives[primitive as usize];
+        let point = Vec3::from(shape.origin) + Vec3::from(shape.u) * u + Vec3::from(shape.v) * v;
+        let uv = polygon.texture_coordinates(point.as_dvec3() + self.middle);
+        let is_solid = uv.is_none_or(|uv| self.scene.masks[mask as usize].is_solid(uv));
+        if is_solid { 0.0 } else { 1.0 }
+    }
+}

@@ -1,0 +1,176 @@
+//! The last step of every gather: what leaves receive from the links of their own and of all above them, with form
+//! factors taken anew at the leaves' own points.
+//!
+//! A link's factors, known at five points of a large receiver, are interpolated on the way down; beside a small source
+//! they vary faster than that. All sources of a leaf together cover what it sees exactly once, so with factors at its own
+//! points nothing is lost between them: in a closed room they add up to one at every point.
+
+use crate::evaluate::Evaluator;
+use crate::geometry::{Element, NONE};
+use crate::light::{Bands, Field, Light, quarter_of};
+use crate::link::{CLUSTER, Link, State};
+use rayon::prelude::*;
+
+/// An element as the source of a leaf, with the visibility at the points of the node at hand.
+#[derive(Clone, Copy)]
+struct Seen {
+    source: u32,
+    value: Bands,
+    at: [f32; 5],
+    whole: bool,
+}
+
+/// Fields of all leaves of the polygons, by leaf; `base`: what clusters send to the polygons' roots.
+pub(crate) fn gather(
+    light: &Light,
+    base: &[Field],
+    links: &[Link],
+    limit: f32,
+    evaluator: &Evaluator<'_>,
+) -> Vec<(u32, Field)> {
+    let mut rows: Vec<(u32, u32, &[Link])> = links
+        .chunk_by(|a, b| a.receiver == b.receiver)
+        .filter(|row| row[0].receiver & CLUSTER == 0)
+        .map(|row| (evaluator.elements[row[0].receiver as usize].polygon, row[0].receiver, row))
+        .collect();
+    rows.sort_by_key(|&(polygon, receiver, _)| (polygon, receiver));
+    let polygons: Vec<&[(u32, u32, &[Link])]> = rows.chunk_by(|a, b| a.0 == b.0).collect();
+    let parts: Vec<Vec<(u32, Field)>> = polygons
+        .par_iter()
+        .map(|rows| {
+            let polygon = rows[0].0;
+            let mut leaves = Vec::new();
+            let mut seen = Vec::new();
+            descend(polygon, base[polygon as usize], rows, &mut seen, limit, light, evaluator, &mut leaves);
+            leaves
+        })
+        .collect();
+    parts.concat()
+}
+
+/// Most levels below a leaf's source that are looked at where a leaf touches it.
+const DEEPEST: u32 = 4;
+
+/// Adds what a source throws on a leaf: all of it at once where the source is even or far, part by part where a point at
+/// one end of the leaf sees other parts of it than a point at the other.
+fn add(field: &mut Field, entry: &Seen, near: &Near<'_>) {
+    let Near { leaf, light, evaluator, .. } = *near;
+    let source = &evaluator.elements[entry.source as usize];
+    let factors = evaluator.factors(leaf, source);
+    if entry.whole && near.is_uneven(source, &factors, light.deviation[entry.source as usize]) {
+        if source.first_child == NONE {
+            let surface = &evaluator.geometry.surfaces[source.polygon as usize];
+            let radiosity = light.field[entry.source as usize]
+                .map(|value| std::array::from_fn(|k| surface.emission[k] + surface.reflectance[k] * value[k]));
+            near.add_parts(field, source, &radiosity, DEEPEST);
+        } else {
+            for child in source.first_child..source.first_child + 4 {
+                let value = light.radiosity[child as usize];
+                add(field, &Seen { source: child, value, ..*entry }, near);
+            }
+        }
+        return;
+    }
+    for k in 0..5 {
+        let factor = factors[k] * entry.at[k];
+        for band in 0..3 {
+            field[k][band] += factor * entry.value[band];
+        }
+    }
+}
+
+/// A leaf that looks at what is close to it.
+#[derive(Clone, Copy)]
+struct Near<'a> {
+    leaf: &'a Element,
+    limit: f32,
+    light: &'a Light,
+    evaluator: &'a Evaluator<'a>,
+}
+
+impl Near<'_> {
+    /// Do the leaf's points see a difference within the source?
+    fn is_uneven(&self, source: &Element, factors: &[f32; 5], deviation: [f32; 2]) -> bool {
+        let most = factors.iter().fold(0.0_f32, |most, &factor| most.max(factor)) * (deviation[0] + deviation[1]);
+        let reach = 2.0 * (self.leaf.radius() + source.radius());
+        self.leaf.area * most * most > self.limit
+            && self.leaf.centre().distance_squared(source.centre()) < reach * reach
+    }
+
+    /// Adds the quarters of a source that has none, with what its field says of them.
+    fn add_parts(&self, field: &mut Field, source: &Element, radiosity: &Field, depth: u32) {
+        for (quadrant, part) in source.quarters(0).iter().enumerate() {
+            let own = crate::light::quarter(radiosity, source.count, quadrant);
+            let value = crate::light::mean(&own, source.count);
+            let factors = self.evaluator.factors(self.leaf, part);
+            let square = (0..part.count as usize)
+                .map(|k| crate::light::rms(std::array::from_fn(|band| own[k][band] - value[band])))
+                .map(|apart| apart * apart)
+                .sum::<f32>();
+            let deviation = [(square / (3 * part.count) as f32).sqrt(), 0.0];
+            if depth > 1 && self.is_uneven(part, &factors, deviation) {
+                self.add_parts(field, part, &own, depth - 1);
+                continue;
+            }
+            for k in 0..5 {
+                for band in 0..3 {
+                    field[k][band] += factors[k] * value[band].max(0.0);
+                }
+            }
+        }
+    }
+}
+
+#[allow(clippy::too_many_arguments)]
+fn descend(
+    node: u32,
+    mut field: Field,
+    rows: &[(u32, u32, &[Link])],
+    seen: &mut Vec<Seen>,
+    limit: f32,
+    light: &Light,
+    evaluator: &Evaluator<'_>,
+    leaves: &mut Vec<(u32, Field)>,
+) {
+    let element = &evaluator.elements[node as usize];
+    let before = seen.len();
+    if let Ok(row) = rows.binary_search_by_key(&node, |row| row.1) {
+        for link in rows[row].2 {
+            if link.source & CLUSTER != 0 {
+                let value = light.value(link, evaluator);
+                for k in 0..5 {
+                    for band in 0..3 {
+                        field[k][band] += link.factors[k] * value[band];
+                    }
+                }
+            } else if link.state.is(State::CLEAR) || link.state.visibility == 255 && link.state.spread == 0 {
+                seen.push(Seen { source: link.source, value: light.value(link, evaluator), at: [1.0; 5], whole: true });
+            } else {
+                let (open, _) = evaluator.exchange(element, &evaluator.elements[link.source as usize]);
+                let mean = f32::from(link.state.visibility) / 255.0;
+                let at =
+                    std::array::from_fn(|k| if open[k] > 0.0 { (link.factors[k] / open[k]).min(1.0) } else { mean });
+                seen.push(Seen { source: link.source, value: light.value(link, evaluator), at, whole: false });
+            }
+        }
+    }
+    if element.first_child == NONE {
+        for entry in seen.iter() {
+            add(&mut field, entry, &Near { leaf: element, limit, light, evaluator });
+        }
+        leaves.push((node, field));
+    } else {
+        let count = element.count;
+        let here = seen.clone();
+        for quadrant in 0..4 {
+            for (entry, above) in seen.iter_mut().zip(&here).filter(|(_, above)| !above.whole) {
+                entry.at = quarter_of(&above.at, count, quadrant).map(|at| at.clamp(0.0, 1.0));
+            }
+            let part = crate::light::quarter(&field, count, quadrant);
+            descend(element.first_child + quadrant as u32, part, rows, seen, limit, light, evaluator, leaves);
+            seen.truncate(here.len());
+            seen.copy_from_slice(&here);
+        }
+    }
+    seen.truncate(before);
+}

@@ -1,0 +1,427 @@
+//! Radiosity and irradiance of every node, and how they travel: gathered over links, pushed down, pulled up.
+
+use crate::clusters::Clusters;
+use crate::evaluate::Evaluator;
+use crate::geometry::{Element, Geometry, NONE};
+use crate::link::{CLUSTER, Link, MIDDLE, State};
+use glam::Vec3;
+use isolux_simd::sphere::{clamped_cosine, evaluate};
+use rayon::prelude::*;
+use std::f32::consts::FRAC_1_PI;
+
+/// One number per band.
+pub(crate) type Bands = [f32; 3];
+
+/// Values at an element's corners and middle.
+pub(crate) type Field = [Bands; 5];
+
+/// A function of direction, per band.
+pub(crate) type Directional = [Bands; 9];
+
+const DARK: Field = [[0.0; 3]; 5];
+
+/// Root mean square over bands.
+pub(crate) fn rms(bands: Bands) -> f32 {
+    ((bands[0] * bands[0] + bands[1] * bands[1] + bands[2] * bands[2]) / 3.0).sqrt()
+}
+
+/// Mean of a field over an element: exact for quadratics on parallelograms and triangles.
+pub(crate) fn mean(field: &Field, count: u32) -> Bands {
+    let corner = 1.0 / 12.0;
+    let middle = if count == 4 { 2.0 / 3.0 } else { 0.75 };
+    std::array::from_fn(|band| {
+        let sum: f32 = field[..count as usize].iter().map(|value| value[band]).sum();
+        sum * corner + field[MIDDLE][band] * middle
+    })
+}
+
+/// A field at the corners and middle of a quarter: what is linear along the sides, and the bulge as the quadratic function
+/// that is 1 at the middle and 0 at the corners, the same in all directions. Quadratic functions of that kind stay what
+/// they are, so that a mean is kept on the way down.
+pub(crate) fn quarter(field: &Field, count: u32, quadrant: usize) -> Field {
+    let mut part = DARK;
+    for band in 0..3 {
+        let values = quarter_of(&std::array::from_fn(|k| field[k][band]), count, quadrant);
+        (0..5).for_each(|k| part[k][band] = values[k]);
+    }
+    part
+}
+
+/// [`quarter`] of one band.
+#[inline(always)]
+pub(crate) fn quarter_of(values: &[f32; 5], count: u32, quadrant: usize) -> [f32; 5] {
+    let [a, b, c, d, m] = *values;
+    if count == 4 {
+        let bulge = m - 0.25 * (a + b + c + d);
+        let half = |p: f32, q: f32| 0.5 * (p + q + bulge);
+        let (ab, bc, cd, da) = (half(a, b), half(b, c), half(c, d), half(d, a));
+        let [p, q, r, s] = match quadrant {
+            0 => [a, ab, m, da],
+            1 => [ab, b, bc, m],
+            2 => [m, bc, c, cd],
+            _ => [da, m, cd, d],
+        };
+        // A quarter of the bulge within a part.
+        [p, q, r, s, 0.25 * (p + q + r + s + bulge)]
+    } else {
+        let bulge = m - (a + b + c) / 3.0;
+        let half = |p: f32, q: f32| 0.5 * (p + q) + 0.75 * bulge;
+        let (ab, bc, ca) = (half(a, b), half(b, c), half(c, a));
+        let [p, q, r] = match quadrant {
+            0 => [a, ab, ca],
+            1 => [ab, b, bc],
+            2 => [ca, bc, c],
+            _ => [bc, ca, ab],
+        };
+        [p, q, r, r, (p + q + r) / 3.0 + 0.25 * bulge]
+    }
+}
+
+/// Light of all nodes.
+pub(crate) struct Light {
+    /// Radiosity of elements, W/m² or lm/m².
+    pub(crate) radiosity: Vec<Bands>,
+    /// Change of the radiosity over an element, along both coordinates of [`State::centre`].
+    pub(crate) slope: Vec<[Bands; 2]>,
+    /// RMS deviation of the radiosity within an element, over bands and places: what is linear, and the rest.
+    pub(crate) deviation: Vec<[f32; 2]>,
+    /// Irradiance of elements: of leaves all there is, of others what came at their level and above.
+    pub(crate) field: Vec<Field>,
+    /// What the last gather at the leaves' own points found beyond what was pushed to them.
+    pub(crate) correction: Vec<Field>,
+    /// Mean irradiance of elements, pulled.
+    pub(crate) irradiance: Vec<Bands>,
+    /// Intensity of clusters by direction, W/sr or lm/sr.
+    pub(crate) intensity: Vec<Directional>,
+    /// Mean radiosity of clusters.
+    pub(crate) cluster_radiosity: Vec<f32>,
+    /// Mean irradiance of clusters, RMS over bands.
+    pub(crate) cluster_irradiance: Vec<f32>,
+    /// Irradiance below which errors count as if it were this much.
+    pub(crate) floor: f32,
+    /// Mean irradiance that weights refer to.
+    pub(crate) scale: f32,
+}
+
+impl Light {
+    /// Every surface receives `irradiance`.
+    pub(crate) fn even(irradiance: Bands, geometry: &Geometry, clusters: &Clusters, elements: &[Element]) -> Light {
+        let field = vec![[irradiance; 5]; elements.len()];
+        let count = clusters.nodes.len();
+        let mut light = Light {
+            radiosity: vec![[0.0; 3]; elements.len()],
+            slope: vec![[[0.0; 3]; 2]; elements.len()],
+            deviation: vec![[0.0; 2]; elements.len()],
+            irradiance: vec![[0.0; 3]; elements.len()],
+            field,
+            correction: vec![DARK; elements.len()],
+            intensity: vec![[[0.0; 3]; 9]; count],
+            cluster_radiosity: vec![0.0; count],
+            cluster_irradiance: vec![0.0; count],
+            floor: f32::INFINITY,
+            scale: rms(irradiance),
+        };
+        light.pull(geometry, clusters, elements);
+        light
+    }
+
+    /// New elements start with what their parents have.
+    pub(crate) fn adopt(&mut self, elements: &[Element]) {
+        for index in self.radiosity.len()..elements.len() {
+            let element = &elements[index];
+            let parent = element.parent as usize;
+            let quadrant = index - elements[parent].first_child as usize;
+            self.radiosity.push(self.radiosity[parent]);
+            self.deviation.push(self.deviation[parent].map(|part| 0.5 * part));
+            self.slope.push([[0.0; 3]; 2]);
+            self.irradiance.push(self.irradiance[parent]);
+            self.field.push(quarter(&self.field[parent], element.count, quadrant));
+            self.correction.push(quarter(&self.correction[parent], element.count, quadrant));
+        }
+    }
+
+    /// Area of a node times the weight of errors there, m².
+    pub(crate) fn weighted_area(&self, node: u32, evaluator: &Evaluator<'_>) -> f32 {
+        let (area, irradiance) = if node & CLUSTER != 0 {
+            let index = (node & !CLUSTER) as usize;
+            (evaluator.clusters.nodes[index].area, self.cluster_irradiance[index])
+        } else {
+            (evaluator.elements[node as usize].area, rms(self.irradiance[node as usize]))
+        };
+        area * self.weight(irradiance)
+    }
+
+    fn weight(&self, irradiance: f32) -> f32 {
+        if self.floor == f32::INFINITY {
+            return 1.0;
+        }
+        (self.scale * self.scale + self.floor * self.floor) / (irradiance * irradiance + self.floor * self.floor)
+    }
+
+    /// What a link's factors are multiplied with.
+    #[inline(always)]
+    pub(crate) fn value(&self, link: &Link, evaluator: &Evaluator<'_>) -> Bands {
+        if link.source & CLUSTER == 0 {
+            let source = link.source as usize;
+            let mut middle = [0.5; 2];
+            if evaluator.elements[source].count == 3 {
+                middle = [1.0 / 3.0; 2];
+            }
+            let [s, t] = link.state.centre();
+            let (s, t) = (s - middle[0], t - middle[1]);
+            let (radiosity, slope) = (&self.radiosity[source], &self.slope[source]);
+            return std::array::from_fn(|k| (radiosity[k] + s * slope[0][k] + t * slope[1][k]).max(0.0));
+        }
+        let (from, _) = evaluator.ball(link.source);
+        let towards = evaluator.ball(link.receiver).0 - from;
+        let harmonics = evaluate(towards.normalize_or(Vec3::X).to_array());
+        let intensity = &self.intensity[(link.source & !CLUSTER) as usize];
+        std::array::from_fn(|band| (0..9).map(|k| harmonics[k] * intensity[k][band]).sum::<f32>().max(0.0))
+    }
+
+    /// RMS over bands of [`Light::value`].
+    pub(crate) fn strength(&self, link: &Link, evaluator: &Evaluator<'_>) -> f32 {
+        if link.state.is(State::BROAD) && link.source & CLUSTER != 0 {
+            // Any direction may be the one that counts.
+            let index = (link.source & !CLUSTER) as usize;
+            return self.cluster_radiosity[index] * evaluator.clusters.nodes[index].area * FRAC_1_PI * 0.5;
+        }
+        rms(self.value(link, evaluator))
+    }
+
+    /// One pass: gather over `links`, sorted by receiver, push, pull.
+    pub(crate) fn pass(&mut self, links: &[Link], evaluator: &Evaluator<'_>) {
+        let rows: Vec<&[Link]> = links.chunk_by(|a, b| a.receiver == b.receiver).collect();
+        let gathered: Vec<(u32, Directional)> =
+            rows.par_iter().with_min_len(64).map(|row| (row[0].receiver, self.gather(row, evaluator))).collect();
+        let mut arriving: Vec<Directional> = vec![[[0.0; 3]; 9]; evaluator.clusters.nodes.len()];
+        self.field.fill(DARK);
+        for (receiver, values) in gathered {
+            if receiver & CLUSTER != 0 {
+                arriving[(receiver & !CLUSTER) as usize] = values;
+            } else {
+                self.field[receiver as usize].copy_from_slice(&values[..5]);
+            }
+        }
+        self.push(&mut arriving, evaluator);
+        for (index, _) in evaluator.elements.iter().enumerate().filter(|(_, element)| element.first_child == NONE) {
+            for k in 0..5 {
+                for band in 0..3 {
+                    let value = &mut self.field[index][k][band];
+                    *value = (*value + self.correction[index][k][band]).max(0.0);
+                }
+            }
+        }
+        self.pull(evaluator.geometry, evaluator.clusters, evaluator.elements);
+    }
+
+    /// Gathers once more, at the points of the leaves. Returns what the leaves' fields lack, as squared error over area.
+    pub(crate) fn settle(&mut self, links: &[Link], limit: f32, evaluator: &Evaluator<'_>) {
+        let rows: Vec<&[Link]> = links.chunk_by(|a, b| a.receiver == b.receiver).collect();
+        let mut arriving: Vec<Directional> = vec![[[0.0; 3]; 9]; evaluator.clusters.nodes.len()];
+        let clusters = rows.partition_point(|row| row[0].receiver & CLUSTER != 0);
+        let gathered: Vec<(u32, Directional)> = rows[..clusters]
+            .par_iter()
+            .with_min_len(64)
+            .map(|row| (row[0].receiver, self.gather(row, evaluator)))
+            .collect();
+        for (receiver, values) in gathered {
+            arriving[(receiver & !CLUSTER) as usize] = values;
+        }
+        let mut base = vec![DARK; evaluator.geometry.surfaces.len()];
+        send_to_members(&mut arriving, &mut base, evaluator);
+        let leaves = crate::leaves::gather(self, &base, links, limit, evaluator);
+        // What a pass with today's radiosities would push: found by one without corrections.
+        self.correction.fill(DARK);
+        let radiosity = self.radiosity.clone();
+        let intensity = self.intensity.clone();
+        self.pass(links, evaluator);
+        (self.radiosity, self.intensity) = (radiosity, intensity);
+        for (leaf, field) in leaves {
+            let leaf = leaf as usize;
+            for k in 0..5 {
+                for band in 0..3 {
+                    self.correction[leaf][k][band] = field[k][band] - self.field[leaf][k][band];
+                }
+            }
+            self.field[leaf] = field;
+        }
+        self.pull(evaluator.geometry, evaluator.clusters, evaluator.elements);
+    }
+
+    /// What arrives over the links of one receiver: at an element's points, or at a cluster by direction.
+    #[inline(always)]
+    fn gather(&self, row: &[Link], evaluator: &Evaluator<'_>) -> Directional {
+        let mut sum = [[0.0; 3]; 9];
+        for link in row {
+            let value = self.value(link, evaluator);
+            if link.receiver & CLUSTER == 0 {
+                for k in 0..5 {
+                    for band in 0..3 {
+                        sum[k][band] += link.factors[k] * value[band];
+                    }
+                }
+            } else {
+                let towards = evaluator.ball(link.source).0 - evaluator.ball(link.receiver).0;
+                let harmonics = evaluate(towards.normalize_or(Vec3::X).to_array());
+                for k in 0..9 {
+                    for band in 0..3 {
+                        sum[k][band] += link.factors[0] * harmonics[k] * value[band];
+                    }
+                }
+            }
+        }
+        sum
+    }
+
+    /// Irradiance from clusters to their members, from elements to their quarters.
+    fn push(&mut self, arriving: &mut [Directional], evaluator: &Evaluator<'_>) {
+        let elements = evaluator.elements;
+        send_to_members(arriving, &mut self.field, evaluator);
+        for (index, element) in elements.iter().enumerate().filter(|(_, element)| element.first_child != NONE) {
+            for quadrant in 0..4 {
+                let part = quarter(&self.field[index], element.count, quadrant);
+                let child = &mut self.field[element.first_child as usize + quadrant];
+                for k in 0..5 {
+                    for band in 0..3 {
+                        child[k][band] += part[k][band];
+                    }
+                }
+            }
+        }
+    }
+
+    /// Radiosity and irradiance of leaves from their fields, of all above from their parts.
+    pub(crate) fn pull(&mut self, geometry: &Geometry, clusters: &Clusters, elements: &[Element]) {
+        for index in (0..elements.len()).rev() {
+            let element = &elements[index];
+            let surface = &geometry.surfaces[element.polygon as usize];
+            if element.first_child == NONE {
+                let field = &self.field[index];
+                let middle = mean(field, element.count);
+                self.irradiance[index] = middle;
+                self.radiosity[index] =
+                    std::array::from_fn(|k| surface.emission[k] + surface.reflectance[k] * middle[k]);
+                let count = element.count as usize;
+                let (mut square, mut slope) = (0.0, [[0.0; 3]; 2]);
+                for band in 0..3 {
+                    let at = |k: usize| surface.reflectance[band] * field[k][band];
+                    for k in 0..count {
+                        let apart = at(k) - surface.reflectance[band] * middle[band];
+                        // Of a linear function corners deviate by three times the mean square.
+                        square += apart * apart / (9 * count) as f32;
+                    }
+                    (slope[0][band], slope[1][band]) = if count == 4 {
+                        (0.5 * (at(1) + at(2) - at(0) - at(3)), 0.5 * (at(2) + at(3) - at(0) - at(1)))
+                    } else {
+                        (at(1) - at(0), at(2) - at(0))
+                    };
+                }
+                self.slope[index] = slope;
+                self.deviation[index] = parted(square, &slope, element.count);
+            } else {
+                let first = element.first_child as usize;
+                let (mut radiosity, mut irradiance, mut area) = ([0.0; 3], [0.0; 3], 0.0);
+                for child in first..first + 4 {
+                    let share = elements[child].area;
+                    area += share;
+                    for band in 0..3 {
+                        radiosity[band] += share * self.radiosity[child][band];
+                        irradiance[band] += share * self.irradiance[child][band];
+                    }
+                }
+                let radiosity = radiosity.map(|value| value / area);
+                let mut square = 0.0;
+                for child in first..first + 4 {
+                    let [linear, rest] = self.deviation[child];
+                    let apart = rms(std::array::from_fn(|k| self.radiosity[child][k] - radiosity[k]));
+                    square += elements[child].area * (linear * linear + rest * rest + apart * apart);
+                }
+                let at = |k: usize, band: usize| self.radiosity[first + k][band];
+                let slope = if element.count == 4 {
+                    [
+                        std::array::from_fn(|k| at(1, k) + at(2, k) - at(0, k) - at(3, k)),
+                        std::array::from_fn(|k| at(2, k) + at(3, k) - at(0, k) - at(1, k)),
+                    ]
+                } else {
+                    [
+                        std::array::from_fn(|k| 2.0 * (at(1, k) - at(0, k))),
+                        std::array::from_fn(|k| 2.0 * (at(2, k) - at(0, k))),
+                    ]
+                };
+                self.slope[index] = slope;
+                self.deviation[index] = parted(square / area, &slope, element.count);
+                self.radiosity[index] = radiosity;
+                self.irradiance[index] = irradiance.map(|value| value / area);
+            }
+        }
+        for index in (0..clusters.nodes.len()).rev() {
+            let node = &clusters.nodes[index];
+            let (mut sum, mut radiosity, mut irradiance) = ([[0.0; 3]; 9], 0.0, 0.0);
+            if node.second == 0 {
+                for &polygon in clusters.members(index as u32) {
+                    let polygon = polygon as usize;
+                    let (area, value) = (elements[polygon].area, self.radiosity[polygon]);
+                    let cosine = clamped_cosine(geometry.surfaces[polygon].normal.to_array());
+                    for k in 0..9 {
+                        for band in 0..3 {
+                            sum[k][band] += cosine[k] * area * value[band] * FRAC_1_PI;
+                        }
+                    }
+                    radiosity += area * rms(value);
+                    irradiance += area * rms(self.irradiance[polygon]);
+                }
+            } else {
+                for child in [index + 1, node.second as usize] {
+                    for k in 0..9 {
+                        for band in 0..3 {
+                            sum[k][band] += self.intensity[child][k][band];
+                        }
+                    }
+                    let area = clusters.nodes[child].area;
+                    radiosity += area * self.cluster_radiosity[child];
+                    irradiance += area * self.cluster_irradiance[child];
+                }
+            }
+            self.intensity[index] = sum;
+            self.cluster_radiosity[index] = radiosity / node.area;
+            self.cluster_irradiance[index] = irradiance / node.area;
+        }
+    }
+}
+
+/// Adds what arrives at clusters, and at those above them, to the fields of their polygons.
+fn send_to_members(arriving: &mut [Directional], field: &mut [Field], evaluator: &Evaluator<'_>) {
+    let Evaluator { geometry, clusters, .. } = *evaluator;
+    for (index, node) in clusters.nodes.iter().enumerate() {
+        if node.parent != u32::MAX {
+            let above = arriving[node.parent as usize];
+            for k in 0..9 {
+                for band in 0..3 {
+                    arriving[index][k][band] += above[k][band];
+                }
+            }
+        }
+        if node.second == 0 {
+            for &polygon in clusters.members(index as u32) {
+                let cosine = clamped_cosine(geometry.surfaces[polygon as usize].normal.to_array());
+                let field = &mut field[polygon as usize];
+                for band in 0..3 {
+                    let here: f32 = (0..9).map(|k| cosine[k] * arriving[index][k][band]).sum();
+                    field.iter_mut().for_each(|value| value[band] += here.max(0.0));
+                }
+            }
+        }
+    }
+}
+
+/// Splits a variance (mean over bands) into what a slope makes of it, and the rest; as deviations.
+fn parted(square: f32, slope: &[Bands; 2], count: u32) -> [f32; 2] {
+    let mut linear = 0.0;
+    for band in 0..3 {
+        let (s, t) = (slope[0][band], slope[1][band]);
+        linear += if count == 4 { (s * s + t * t) / 12.0 } else { (s * s + t * t - s * t) / 18.0 };
+    }
+    linear /= 3.0;
+    [linear.sqrt(), (square - linear).max(0.0).sqrt()]
+}

@@ -1,0 +1,153 @@
+//! Decides what becomes of a link: the error that it leaves against the error that is permitted.
+
+use crate::evaluate::Evaluator;
+use crate::light::Light;
+use crate::link::{CLUSTER, Link, State};
+
+/// What becomes of a link.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Verdict {
+    Keep,
+    SplitReceiver,
+    SplitSource,
+    MoreRays,
+}
+
+/// Parts of a link's error, as irradiance over its receiver (root mean square over bands and places).
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Errors {
+    /// What the receiver's five points do not tell of its inside.
+    pub(crate) receiver: f32,
+    /// What one value for the source does not tell of its parts.
+    pub(crate) source: f32,
+    /// What the rays leave open.
+    pub(crate) noise: f32,
+}
+
+impl Errors {
+    pub(crate) fn square(&self) -> f32 {
+        self.receiver * self.receiver + self.source * self.source + self.noise * self.noise
+    }
+}
+
+/// RMS over an element of what a field with values at corners and middle leaves of a quadratic, in units of the bulge
+/// (middle less mean of the corners): 0.33 for x², 0.25 for x² + y².
+pub(crate) const BULGE: f32 = 0.3;
+
+/// RMS of what linear interpolation between three points leaves of a step of 1 anywhere: sqrt(1/12).
+const STEP: f32 = 0.29;
+
+/// Most rays from a point: 4^(3+1).
+pub(crate) const MOST_RAYS: u8 = 3;
+
+/// Depth of elements at which refinement ends: what a path can name.
+const DEEPEST: u32 = isolux_core::tree::Path::MAX_DEPTH;
+
+/// Variance of a visibility that is known by rays.
+fn noise(state: State) -> f32 {
+    if state.is(State::CLEAR) {
+        return 0.0;
+    }
+    let v = f32::from(state.visibility) / 255.0;
+    if state.rays() == 0 {
+        // None or all of 16 leaves the posterior of a proportion.
+        v * (1.0 - v) / 16.0 + 1.0 / (18.0 * 18.0)
+    } else {
+        // Strata in the plane of the source: those on the border of a shadow count alone, about 2 n of n².
+        let rays = 16.0 * f32::from(1_u16 << (2 * (state.rays() - 1)));
+        0.8 * v * (1.0 - v) * rays.powf(-1.5) + 1.0 / (5.0 * rays + 2.0) / (5.0 * rays + 2.0)
+    }
+}
+
+/// Errors of a link in today's light.
+pub(crate) fn errors(link: &Link, evaluator: &Evaluator<'_>, light: &Light) -> Errors {
+    let value = light.strength(link, evaluator);
+    if value <= 0.0 {
+        return Errors::default();
+    }
+    let state = link.state;
+    let spread = f32::from(state.spread) / 255.0;
+    let visibility = f32::from(state.visibility) / 255.0;
+    let (from, own) = evaluator.ball(link.receiver);
+    let (to, other) = evaluator.ball(link.source);
+    let distance = from.distance(to).max(1e-3 * (own + other));
+    let is_cluster = |node: u32| node & CLUSTER != 0;
+    // Unoccluded, as far as it is known; and what is left of it.
+    let largest = link.factors.iter().fold(0.0_f32, |most, &factor| most.max(factor)) * value;
+    let dark = state.is(State::DARK);
+    let (open, most) = if dark { (largest, 0.0) } else { (largest / visibility.max(0.06), largest) };
+    let step = if state.is(State::SATURATED) { STEP } else { 0.1 * STEP };
+    let mut errors = Errors::default();
+    let partial = (visibility * (1.0 - visibility)).sqrt();
+    if is_cluster(link.receiver) {
+        errors.receiver = most * (1.5 * own / distance).min(1.0) + open * partial;
+    } else {
+        // What factors vary over the receiver is no error: leaves take them anew.
+        errors.receiver = step * spread * open;
+    }
+    if is_cluster(link.source) {
+        errors.source =
+            most * (other / distance).min(1.0) + open * partial * if is_cluster(link.receiver) { 0.0 } else { 1.0 };
+    } else {
+        // The mean place of what arrives is known to a step of 1/15, and to what few rays tell of it; a receiver that
+        // spans an angle of its own sees different places from its ends.
+        let [linear, rest] = light.deviation[link.source as usize].map(|part| part / value.max(f32::MIN_POSITIVE));
+        let near = (1.5 * other / distance).min(1.0) + partial;
+        let shift = (own / other).min(1.0) * (other / distance).min(1.0) * (other / distance).min(1.0);
+        errors.source = most * (0.15 * linear + rest) * near;
+        let shifted = most * 0.8 * shift * linear * near;
+        if own < other {
+            errors.receiver += shifted;
+        } else {
+            errors.source += shifted;
+        }
+    }
+    if state.is(State::BROAD) || state.is(State::GRAZING) {
+        // All of it may be wrong.
+        if own >= other {
+            errors.receiver = errors.receiver.max(most);
+        } else {
+            errors.source = errors.source.max(most);
+        }
+    }
+    errors.noise = open * noise(state).sqrt();
+    errors
+}
+
+/// Decides. `limit`: what area times weight times squared error may be.
+pub(crate) fn verdict(link: &Link, evaluator: &Evaluator<'_>, light: &Light, limit: f32, least_area: f32) -> Verdict {
+    let errors = errors(link, evaluator, light);
+    let weight = light.weighted_area(link.receiver, evaluator);
+    if weight * errors.square() <= limit {
+        return Verdict::Keep;
+    }
+    let splittable = |node: u32| {
+        node & CLUSTER != 0 || {
+            let element = &evaluator.elements[node as usize];
+            element.area > least_area && element.path.depth() < DEEPEST
+        }
+    };
+    let clusters = (link.receiver | link.source) & CLUSTER != 0;
+    let (receiver, source) = (splittable(link.receiver), splittable(link.source));
+    if clusters {
+        // Noise is worth no more rays here: parts tell more.
+        let (own, other) = (evaluator.ball(link.receiver).1, evaluator.ball(link.source).1);
+        let by_receiver = if errors.receiver == errors.source { own >= other } else { errors.receiver > errors.source };
+        return match (by_receiver, receiver, source) {
+            (true, true, _) | (false, true, false) => Verdict::SplitReceiver,
+            (_, _, true) => Verdict::SplitSource,
+            _ => Verdict::Keep,
+        };
+    }
+    let more = link.state.rays() < MOST_RAYS && !link.state.is(State::CLEAR);
+    if more && errors.noise >= errors.receiver.max(errors.source) {
+        return Verdict::MoreRays;
+    }
+    if errors.source > errors.receiver && source {
+        return Verdict::SplitSource;
+    }
+    if receiver && errors.receiver >= errors.noise {
+        return Verdict::SplitReceiver;
+    }
+    if more && weight * errors.noise * errors.noise > limit { Verdict::MoreRays } else { Verdict::Keep }
+}

@@ -1,0 +1,127 @@
+//! What a solve leaves behind, in the terms of the rest of the system: quadtrees, light, links and clusters by number.
+
+use crate::geometry::NONE;
+use crate::light::Field;
+use crate::link::{CLUSTER, State};
+use crate::solve::Solved;
+use isolux_core::DVec3;
+use isolux_core::scene::Scene;
+use isolux_core::tree::{ElementId, Elements};
+use isolux_core::units::Rgb;
+
+/// Links as columns, sorted by receiver.
+///
+/// Nodes are numbered elements first, then clusters: node `elements + c` is cluster `c`.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct LinkColumns {
+    /// Where light arrives.
+    pub receiver: Vec<u32>,
+    /// Where it comes from.
+    pub source: Vec<u32>,
+    /// At the receiver's corners (the last of a triangle is its third again) and middle: what arrives for each unit of
+    /// the source, visibility included. Of an element that is a form factor; of a cluster, steradian per square metre.
+    pub factors: Vec<[f32; 5]>,
+    /// Mean visibility, 0 to 1, in steps of 1/255.
+    pub visibility: Vec<f32>,
+    /// 1 where it is proven that nothing stands between, 0 where rays say what there is.
+    pub proven: Vec<u8>,
+    /// Where on the source the light comes from, on average: `(s, t)` in [0, 1]² of a quadrilateral's bilinear map, weights
+    /// of the second and third corner of a triangle.
+    pub centre: Vec<[f32; 2]>,
+}
+
+/// The hierarchy above polygons, as columns. Parents come before their children.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ClusterColumns {
+    /// Middle of the members by area, metres, in the scene's coordinates.
+    pub centre: Vec<[f64; 3]>,
+    /// Radius about the middle that holds all members, metres.
+    pub radius: Vec<f32>,
+    /// Sum of the members' areas, m².
+    pub area: Vec<f32>,
+    /// First member, an index into `members`.
+    pub first: Vec<u32>,
+    /// Number of members.
+    pub count: Vec<u32>,
+    /// Parent, or `u32::MAX` for the first.
+    pub parent: Vec<u32>,
+    /// Polygons, those of each cluster side by side.
+    pub members: Vec<u32>,
+}
+
+/// A finished solve.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    /// All quadtrees: every polygon of the scene is a root, in order.
+    pub elements: Elements,
+    /// Mean radiosity by element, W/m² or lm/m².
+    pub radiosity: Vec<Rgb>,
+    /// Mean irradiance by element, W/m² or lm/m².
+    pub irradiance: Vec<Rgb>,
+    /// Irradiance at the corners and the middle of leaves; of inner elements nothing that counts.
+    pub fields: Vec<Field>,
+    /// Links that carry light.
+    pub links: LinkColumns,
+    /// Clusters.
+    pub clusters: ClusterColumns,
+}
+
+impl Solved {
+    /// Everything by number.
+    #[must_use]
+    pub fn outcome(&self, scene: &Scene) -> Outcome {
+        let own = &self.transport.elements;
+        let planes = scene.polygons.iter().map(|polygon| polygon.plane).collect();
+        let roots = scene.polygons.iter().enumerate().map(|(index, polygon)| (polygon.corners, index as u32));
+        let mut elements = Elements::new(roots, planes);
+        // Splits in the order of the numbers of the first children give every child the number that it has here.
+        let mut parents: Vec<(u32, u32)> = own
+            .iter()
+            .enumerate()
+            .filter(|(_, element)| element.first_child != NONE)
+            .map(|(index, element)| (element.first_child, index as u32))
+            .collect();
+        parents.sort_unstable();
+        for (_, parent) in parents {
+            elements.split(ElementId(parent));
+        }
+        let count = own.len() as u32;
+        let node = |number: u32| if number & CLUSTER == 0 { number } else { count + (number & !CLUSTER) };
+        let links = &self.transport.links;
+        let columns = LinkColumns {
+            receiver: links.iter().map(|link| node(link.receiver)).collect(),
+            source: links.iter().map(|link| node(link.source)).collect(),
+            factors: links.iter().map(|link| link.factors).collect(),
+            visibility: links.iter().map(|link| f32::from(link.state.visibility) / 255.0).collect(),
+            proven: links.iter().map(|link| u8::from(link.state.is(State::CLEAR))).collect(),
+            centre: links.iter().map(|link| link.state.centre()).collect(),
+        };
+        let nodes = &self.transport.clusters.nodes;
+        let clusters = ClusterColumns {
+            centre: nodes.iter().map(|node| (node.centre.as_dvec3() + self.geometry.middle).to_array()).collect(),
+            radius: nodes.iter().map(|node| node.radius).collect(),
+            area: nodes.iter().map(|node| node.area).collect(),
+            first: nodes.iter().map(|node| node.first).collect(),
+            count: nodes.iter().map(|node| node.count).collect(),
+            parent: nodes.iter().map(|node| node.parent).collect(),
+            members: self.transport.clusters.order.clone(),
+        };
+        let bands = |values: &[crate::light::Bands]| values.iter().map(|value| Rgb(value.map(f64::from))).collect();
+        Outcome {
+            elements,
+            radiosity: bands(&self.light.radiosity),
+            irradiance: bands(&self.light.irradiance),
+            fields: self.light.field.clone(),
+            links: columns,
+            clusters,
+        }
+    }
+}
+
+/// Irradiance at a point of a polygon from the fields of its leaves, W/m² or lm/m².
+#[must_use]
+pub fn irradiance_at(elements: &Elements, fields: &[Field], polygon: u32, normal: DVec3, point: DVec3) -> Rgb {
+    let leaf = elements.locate(ElementId(polygon), point);
+    let corners = &elements.get(leaf).corners;
+    Rgb(crate::read::within(corners, normal, point, &fields[leaf.index()]).map(f64::from))
+}

@@ -1,0 +1,162 @@
+//! Where rays between two nodes start and end: strata of both, paired by a hash of their names.
+
+use crate::clusters::Clusters;
+use crate::geometry::{Element, Geometry};
+use crate::link::CLUSTER;
+use glam::Vec3;
+use isolux_core::sampling::mix;
+use isolux_simd::bvh::Rays;
+use std::sync::LazyLock;
+
+/// Rays of a packet.
+pub(crate) const RAYS: usize = 16;
+
+/// A stream of numbers from a name.
+#[derive(Clone, Debug)]
+pub(crate) struct Jitter(u64);
+
+impl Jitter {
+    pub(crate) fn new(a: u64, b: u64, seed: u64) -> Jitter {
+        Jitter(mix(a ^ mix(b ^ mix(seed))))
+    }
+
+    /// Four numbers in [0, 1), of 16 bits each.
+    #[inline(always)]
+    pub(crate) fn four(&mut self) -> [f32; 4] {
+        let bits = self.bits();
+        std::array::from_fn(|k| ((bits >> (16 * k)) & 0xffff) as f32 * (1.0 / 65536.0))
+    }
+
+    pub(crate) fn bits(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        mix(self.0)
+    }
+}
+
+/// Barycentric corners `(b, c)` of the 4^depth parts of a triangle, in the order of its quadtree.
+fn parts(depth: u32) -> Vec<[[f32; 2]; 3]> {
+    let mut all = vec![[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]];
+    for _ in 0..depth {
+        let middle = |p: [f32; 2], q: [f32; 2]| [(p[0] + q[0]) * 0.5, (p[1] + q[1]) * 0.5];
+        all = all
+            .iter()
+            .flat_map(|&[a, b, c]| {
+                let (ab, bc, ca) = (middle(a, b), middle(b, c), middle(c, a));
+                [[a, ab, ca], [ab, b, bc], [ca, bc, c], [bc, ca, ab]]
+            })
+            .collect();
+    }
+    all
+}
+
+static PARTS: LazyLock<[Vec<[[f32; 2]; 3]>; 5]> = LazyLock::new(|| std::array::from_fn(|depth| parts(depth as u32)));
+
+/// Least `(s, t)` of the 4^depth parts of a square, in the order of its quadtree.
+static SQUARES: LazyLock<[Vec<[f32; 2]>; 5]> = LazyLock::new(|| {
+    std::array::from_fn(|depth| {
+        let side = 1.0 / (1 << depth) as f32;
+        (0..1_usize << (2 * depth))
+            .map(|index| {
+                let (mut s, mut t) = (0.0, 0.0);
+                for level in 1..=depth {
+                    let quadrant = index >> (2 * (depth - level)) & 3;
+                    let step = side * (1 << (depth - level)) as f32;
+                    s += if quadrant == 1 || quadrant == 2 { step } else { 0.0 };
+                    t += if quadrant >= 2 { step } else { 0.0 };
+                }
+                [s, t]
+            })
+            .collect()
+    })
+});
+
+/// A point of part `index` of the 4^depth parts of an element, at `jitter` in [0, 1)² within it, and its coordinates as in
+/// [`crate::link::State::centre`].
+#[inline(always)]
+pub(crate) fn point_of(element: &Element, depth: usize, index: usize, jitter: [f32; 2]) -> (Vec3, [f32; 2]) {
+    let [a, b, c, d] = element.corners;
+    if element.count == 4 {
+        let [s, t] = SQUARES[depth][index];
+        let side = 1.0 / (1 << depth) as f32;
+        let (s, t) = (s + side * jitter[0], t + side * jitter[1]);
+        (a + (b - a) * s + (d - a) * t + (a - b + c - d) * (s * t), [s, t])
+    } else {
+        let [[ab, ac], [bb, bc], [cb, cc]] = PARTS[depth][index];
+        let [mut s, mut t] = jitter;
+        if s + t > 1.0 {
+            (s, t) = (1.0 - s, 1.0 - t);
+        }
+        let (beta, gamma) = (ab + (bb - ab) * s + (cb - ab) * t, ac + (bc - ac) * s + (cc - ac) * t);
+        (a + (b - a) * beta + (c - a) * gamma, [beta, gamma])
+    }
+}
+
+/// A packet of rays with what each would carry.
+pub(crate) struct Packet {
+    pub(crate) rays: Rays<RAYS>,
+    /// Clipped cosines over squared length: 0 for rays that carry nothing.
+    pub(crate) weights: [f32; RAYS],
+}
+
+impl Packet {
+    pub(crate) fn new() -> Packet {
+        let zero = [0.0; RAYS];
+        Packet { rays: Rays { origin: [zero; 3], direction: [zero; 3], near: zero, far: zero }, weights: zero }
+    }
+
+    /// Sets a ray from a point with a normal to another; it neither starts nor hits closer than `tolerance` to either
+    /// plane.
+    #[inline(always)]
+    pub(crate) fn set(&mut self, k: usize, from: Vec3, normal: Vec3, to: Vec3, other: Vec3, tolerance: f32) {
+        let direction = to - from;
+        let (rise, fall) = (normal.dot(direction), -other.dot(direction));
+        let square = direction.length_squared();
+        for axis in 0..3 {
+            self.rays.origin[axis][k] = from[axis];
+            self.rays.direction[axis][k] = direction[axis];
+        }
+        self.rays.near[k] = tolerance / rise;
+        self.rays.far[k] = 1.0 - tolerance / fall;
+        let carries = rise > tolerance && fall > tolerance;
+        self.weights[k] = if carries { rise * fall / (square * square) } else { 0.0 };
+    }
+
+    /// Bits of the rays that carry something.
+    pub(crate) fn active(&self) -> u32 {
+        self.weights.iter().enumerate().fold(0, |bits, (k, &weight)| bits | u32::from(weight > 0.0) << k)
+    }
+
+    /// Share of light that gets through, ray by ray.
+    #[inline(always)]
+    pub(crate) fn through(&self, geometry: &Geometry, last: &mut u32) -> [f32; RAYS] {
+        let active = self.active();
+        if geometry.opaque {
+            let blocked = geometry.bvh.blocked(geometry.backend, &self.rays, active, last);
+            std::array::from_fn(|k| if blocked >> k & 1 == 1 { 0.0 } else { 1.0 })
+        } else {
+            geometry.bvh.transmittance(geometry.backend, &self.rays, active, last, geometry)
+        }
+    }
+}
+
+/// A random point of a node in part `index` of 16, with the normal there.
+#[inline(always)]
+pub(crate) fn sample(
+    node: u32,
+    index: usize,
+    jitter: [f32; 2],
+    extra: f32,
+    geometry: &Geometry,
+    clusters: &Clusters,
+    elements: &[Element],
+) -> (Vec3, Vec3, [f32; 2]) {
+    let (element, (point, place)) = if node & CLUSTER != 0 {
+        let share = (index as f32 + extra) / RAYS as f32;
+        let element = &elements[clusters.member_at(node & !CLUSTER, share) as usize];
+        (element, point_of(element, 0, 0, jitter))
+    } else {
+        let element = &elements[node as usize];
+        (element, point_of(element, 2, index, jitter))
+    };
+    (point, geometry.surfaces[element.polygon as usize].normal, place)
+}

@@ -1,0 +1,86 @@
+//! Values at points.
+
+use crate::geometry::{Element, NONE};
+use crate::light::{Bands, Field};
+use crate::link::MIDDLE;
+use crate::solve::Solved;
+use glam::{DVec3, Vec3};
+
+pub(crate) fn leaf(solved: &Solved, polygon: u32, point: Vec3) -> usize {
+    let elements = &solved.transport.elements;
+    let mut index = polygon as usize;
+    let normal = solved.geometry.surfaces[polygon as usize].normal;
+    while elements[index].first_child != NONE {
+        let element = &elements[index];
+        index = element.first_child as usize + quadrant(element, normal, point);
+    }
+    index
+}
+
+/// A leaf's field at one of its points: linear along the sides, and the bulge in between. A point that rounding puts
+/// outside takes the value on the border.
+pub(crate) fn within(corners: &[DVec3], normal: DVec3, point: DVec3, field: &Field) -> Bands {
+    let (weights, bulge) = if let &[a, b, c, d] = corners {
+        let (s, t) = coordinates([a, b, c, d], normal, point);
+        let (u, v) = (2.0 * s - 1.0, 2.0 * t - 1.0);
+        ([(1.0 - s) * (1.0 - t), s * (1.0 - t), s * t, (1.0 - s) * t], 1.0 - 0.5 * (u * u + v * v))
+    } else {
+        let (a, b, c) = (corners[0], corners[1], corners[2]);
+        let whole = normal.dot((b - a).cross(c - a));
+        let first = (normal.dot((b - point).cross(c - point)) / whole).clamp(0.0, 1.0);
+        let second = (normal.dot((c - point).cross(a - point)) / whole).clamp(0.0, 1.0);
+        let third = (1.0 - first - second).max(0.0);
+        ([first, second, third, 0.0], 3.0 * (first * second + second * third + third * first))
+    };
+    let count = corners.len();
+    std::array::from_fn(|band| {
+        let at = |k: usize| f64::from(field[k][band]);
+        let plain: f64 = (0..count).map(|k| weights[k] * at(k)).sum();
+        let mean = (0..count).map(at).sum::<f64>() / count as f64;
+        (plain + bulge * (at(MIDDLE) - mean)).max(0.0) as f32
+    })
+}
+
+/// Bilinear coordinates of a point, clamped to the element: by Newton's iteration, exact after one step for
+/// parallelograms.
+fn coordinates([a, b, c, d]: [DVec3; 4], normal: DVec3, point: DVec3) -> (f64, f64) {
+    let twist = a - b + c - d;
+    let (mut s, mut t) = (0.5, 0.5);
+    for _ in 0..8 {
+        let here = a + (b - a) * s + (d - a) * t + twist * (s * t);
+        let (along_s, along_t) = (b - a + twist * t, d - a + twist * s);
+        let determinant = normal.dot(along_s.cross(along_t));
+        let missing = point - here;
+        s += normal.dot(missing.cross(along_t)) / determinant;
+        t += normal.dot(along_s.cross(missing)) / determinant;
+    }
+    (s.clamp(0.0, 1.0), t.clamp(0.0, 1.0))
+}
+
+/// Which quarter holds a point, as in [`isolux_core::tree::quadrant_of`].
+fn quadrant(element: &Element, normal: Vec3, point: Vec3) -> usize {
+    let left = |from: Vec3, to: Vec3| normal.dot((to - from).cross(point - from)) > 0.0;
+    let middle = |a: Vec3, b: Vec3| (a + b) * 0.5;
+    let [a, b, c, d] = element.corners;
+    let (ab, bc) = (middle(a, b), middle(b, c));
+    if element.count == 4 {
+        let (cd, da) = (middle(c, d), middle(d, a));
+        match (left(ab, cd), left(da, bc)) {
+            (true, false) => 0,
+            (false, false) => 1,
+            (false, true) => 2,
+            (true, true) => 3,
+        }
+    } else {
+        let ca = middle(c, a);
+        if left(ab, ca) {
+            0
+        } else if left(bc, ab) {
+            1
+        } else if left(ca, bc) {
+            2
+        } else {
+            3
+        }
+    }
+}

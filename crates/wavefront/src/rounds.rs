@@ -1,0 +1,352 @@
+//! Refinement in rounds: all open pairs are evaluated side by side, what is kept is appended in their order, what is split
+//! makes the pairs of the next round.
+
+use crate::clusters::Clusters;
+use crate::evaluate::{A_RECEIVES, B_RECEIVES, Evaluator};
+use crate::geometry::{Element, Geometry, NONE, split};
+use crate::light::{Light, rms};
+use crate::link::{CLUSTER, Link, MIDDLE, State};
+use crate::oracle::{BULGE, Verdict, errors, verdict};
+use rayon::prelude::*;
+use std::sync::Arc;
+
+/// Pairs that one task evaluates.
+const CHUNK: usize = 128;
+
+/// Nodes and patches that a proof of clearness may look at.
+const SHAFT_BUDGET: u32 = 24;
+
+/// Two nodes that have to be linked.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Pair {
+    pub(crate) a: u32,
+    pub(crate) b: u32,
+    /// Directions, as in [`A_RECEIVES`].
+    pub(crate) wants: u8,
+    pub(crate) clear: bool,
+}
+
+/// What refinement is at when a round begins.
+enum Open {
+    Pair(Pair),
+    /// A link whose verdict is out of date.
+    Link(Link),
+}
+
+/// A node to split, for a pair.
+struct Split {
+    node: u32,
+    pair: Pair,
+}
+
+#[derive(Default)]
+struct Outcome {
+    kept: Vec<Link>,
+    dark: Vec<Link>,
+    alone: Vec<u32>,
+    splits: Vec<Split>,
+    evaluated: u64,
+    packets: u64,
+}
+
+/// What a round may leave.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Limit {
+    /// Area times weight times squared error of a link, m² (W/m²)².
+    pub(crate) error: f32,
+    /// Area below which elements are not split, m².
+    pub(crate) area: f32,
+}
+
+/// Elements and links of a solve.
+pub(crate) struct Transport {
+    pub(crate) geometry: Arc<Geometry>,
+    pub(crate) clusters: Arc<Clusters>,
+    pub(crate) elements: Vec<Element>,
+    /// Sorted by receiver.
+    pub(crate) links: Vec<Link>,
+    /// Links all of whose rays are blocked: nothing travels, until more rays say otherwise.
+    pub(crate) dark: Vec<Link>,
+    /// Clusters whose members' exchange among themselves is neglected.
+    pub(crate) alone: Vec<u32>,
+    pub(crate) seed: u64,
+    /// Evaluations of pairs so far.
+    pub(crate) evaluated: u64,
+    pub(crate) packets: u64,
+}
+
+impl Transport {
+    pub(crate) fn evaluator(&self) -> Evaluator<'_> {
+        Evaluator { geometry: &self.geometry, clusters: &self.clusters, elements: &self.elements, seed: self.seed }
+    }
+
+    /// Refines everything that leaves more than `limit` in today's light.
+    pub(crate) fn refine(&mut self, light: &mut Light, limit: Limit) {
+        let mut open: Vec<Open> = Vec::new();
+        let evaluator = self.evaluator();
+        let is_open = |link: &Link| verdict(link, &evaluator, light, limit.error, limit.area) != Verdict::Keep;
+        let opened = |links: &[Link]| -> Vec<bool> { links.par_iter().with_min_len(1024).map(is_open).collect() };
+        let (links, dark) = (opened(&self.links), opened(&self.dark));
+        for (links, flags) in [(&mut self.links, links), (&mut self.dark, dark)] {
+            let mut flags = flags.into_iter();
+            links.retain(|link| {
+                let reopened = flags.next() == Some(true);
+                if reopened {
+                    open.push(Open::Link(*link));
+                }
+                !reopened
+            });
+        }
+        let alone = std::mem::take(&mut self.alone);
+        open.extend(alone.into_iter().map(|c| Open::Pair(Pair { a: c, b: c, wants: A_RECEIVES, clear: false })));
+        if self.links.is_empty() && std::env::var("NOCL").is_ok() {
+            open.clear();
+            for a in 0..self.geometry.scene.fronts as u32 {
+                for b in 0..a {
+                    open.push(Open::Pair(Pair { a, b, wants: 3, clear: false }));
+                }
+            }
+        }
+        while !open.is_empty() {
+            open = self.round(&open, light, limit);
+        }
+        self.links.par_sort_by_key(|link| (link.receiver & CLUSTER == 0, link.receiver));
+    }
+
+    fn round(&mut self, open: &[Open], light: &mut Light, limit: Limit) -> Vec<Open> {
+        let evaluator = self.evaluator();
+        let now: &Light = light;
+        let outcomes: Vec<Outcome> = open
+            .par_chunks(CHUNK)
+            .map(|chunk| {
+                let mut outcome = Outcome::default();
+                let mut last = NONE;
+                for item in chunk {
+                    match item {
+                        Open::Pair(pair) => examine(pair, &evaluator, now, limit, &mut last, &mut outcome),
+                        Open::Link(link) => {
+                            let links = [Some(*link), None];
+                            decide(links, false, &evaluator, now, limit, &mut last, &mut outcome);
+                        }
+                    }
+                }
+                outcome
+            })
+            .collect();
+        let mut next = Vec::with_capacity(outcomes.iter().map(|outcome| 4 * outcome.splits.len()).sum());
+        for outcome in outcomes {
+            self.links.extend(outcome.kept);
+            self.dark.extend(outcome.dark);
+            self.alone.extend(outcome.alone);
+            self.evaluated += outcome.evaluated;
+            self.packets += outcome.packets;
+            for Split { node, pair } in outcome.splits {
+                self.divide(node, pair, &mut next);
+            }
+        }
+        light.adopt(&self.elements);
+        next
+    }
+
+    /// The pairs that take the place of one whose `node` is split.
+    fn divide(&mut self, node: u32, pair: Pair, next: &mut Vec<Open>) {
+        let mut children = [0_u32; 16];
+        let mut count = 0;
+        if node & CLUSTER == 0 {
+            let first = split(&mut self.elements, node);
+            for k in 0..4 {
+                children[k as usize] = first + k;
+            }
+            count = 4;
+        } else {
+            let cluster = &self.clusters.nodes[(node & !CLUSTER) as usize];
+            if cluster.second != 0 {
+                children[0] = node + 1;
+                children[1] = cluster.second | CLUSTER;
+                count = 2;
+            } else {
+                for &polygon in self.clusters.members(node & !CLUSTER) {
+                    children[count] = polygon;
+                    count += 1;
+                }
+            }
+        }
+        let children = &children[..count];
+        if pair.a == pair.b {
+            for (k, &a) in children.iter().enumerate() {
+                if a & CLUSTER != 0 {
+                    next.push(Open::Pair(Pair { a, b: a, ..pair }));
+                }
+                for &b in &children[k + 1..] {
+                    next.push(Open::Pair(Pair { a, b, wants: A_RECEIVES | B_RECEIVES, clear: false }));
+                }
+            }
+        } else {
+            for &child in children {
+                let pair = if pair.a == node { Pair { a: child, ..pair } } else { Pair { b: child, ..pair } };
+                next.push(Open::Pair(pair));
+            }
+        }
+    }
+
+    /// Leaves with area times weight times squared error of their fields, m² (W/m²)²: what lies between corners and middle.
+    fn bulges<'b>(&'b self, light: &'b Light) -> impl Iterator<Item = (u32, f32)> + 'b {
+        let evaluator = self.evaluator();
+        self.elements.iter().enumerate().filter(|(_, element)| element.first_child == NONE).map(
+            move |(index, element)| {
+                let (field, count) = (&light.field[index], element.count as usize);
+                let bulge = std::array::from_fn(|band| {
+                    let sum: f32 = field[..count].iter().map(|value| value[band]).sum();
+                    field[MIDDLE][band] - sum / count as f32
+                });
+                let error = BULGE * rms(bulge);
+                (index as u32, light.weighted_area(index as u32, &evaluator) * error * error)
+            },
+        )
+    }
+
+    /// Quarters the leaves whose fields leave more than `limit`; returns how many.
+    pub(crate) fn refine_leaves(&mut self, light: &mut Light, limit: Limit) -> usize {
+        let coarse: Vec<u32> = self
+            .bulges(light)
+            .filter(|&(leaf, error)| {
+                let element = &self.elements[leaf as usize];
+                error > limit.error
+                    && element.area > limit.area
+                    && element.path.depth() < isolux_core::tree::Path::MAX_DEPTH
+            })
+            .map(|(leaf, _)| leaf)
+            .collect();
+        for &leaf in &coarse {
+            split(&mut self.elements, leaf);
+        }
+        light.adopt(&self.elements);
+        coarse.len()
+    }
+
+    /// Sum over receivers of area times weight times squared error, m² (W/m²)², by what is kept.
+    pub(crate) fn remaining(&self, light: &Light) -> Remaining {
+        let evaluator = self.evaluator();
+        let rows: Vec<&[Link]> = self.links.chunk_by(|a, b| a.receiver == b.receiver).collect();
+        let parts: Vec<Remaining> = rows
+            .par_iter()
+            .with_min_len(64)
+            .map(|row| {
+                let area = light.weighted_area(row[0].receiver, &evaluator);
+                let mut sum = Remaining::default();
+                for link in *row {
+                    let errors = errors(link, &evaluator, light);
+                    sum.receiver += f64::from(area * errors.receiver * errors.receiver);
+                    sum.source += f64::from(area * errors.source * errors.source);
+                    sum.noise += f64::from(area * errors.noise * errors.noise);
+                }
+                sum
+            })
+            .collect();
+        let mut sum = Remaining::default();
+        for part in parts {
+            sum.receiver += part.receiver;
+            sum.source += part.source;
+            sum.noise += part.noise;
+            sum.bulge += part.bulge;
+        }
+        sum.bulge = self.bulges(light).map(|(_, square)| f64::from(square)).sum();
+        for link in &self.dark {
+            let error = errors(link, &evaluator, light).noise;
+            sum.dark += f64::from(light.weighted_area(link.receiver, &evaluator) * error * error);
+        }
+        sum
+    }
+}
+
+/// Squared errors that links leave, by cause.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Remaining {
+    pub(crate) receiver: f64,
+    pub(crate) source: f64,
+    pub(crate) noise: f64,
+    pub(crate) bulge: f64,
+    pub(crate) dark: f64,
+}
+
+fn examine(pair: &Pair, evaluator: &Evaluator<'_>, light: &Light, limit: Limit, last: &mut u32, outcome: &mut Outcome) {
+    let &Pair { a, b, wants, clear } = pair;
+    if a == b {
+        // What members of a cluster may throw on each other at most: half of what they radiate, as in a bowl.
+        let most = 0.5 * light.cluster_radiosity[(a & !CLUSTER) as usize];
+        if light.weighted_area(a, evaluator) * most * most <= limit.error {
+            outcome.alone.push(a);
+        } else {
+            outcome.splits.push(Split { node: a, pair: *pair });
+        }
+        return;
+    }
+    outcome.evaluated += 1;
+    let links = evaluator.pair(a, b, wants, clear, last);
+    decide(links, clear, evaluator, light, limit, last, outcome);
+}
+
+fn decide(
+    links: [Option<Link>; 2],
+    clear: bool,
+    evaluator: &Evaluator<'_>,
+    light: &Light,
+    limit: Limit,
+    last: &mut u32,
+    outcome: &mut Outcome,
+) {
+    let mut split: [Option<(u32, Link)>; 2] = [None, None];
+    for (slot, link) in links.into_iter().enumerate() {
+        let Some(mut link) = link else { continue };
+        loop {
+            match verdict(&link, evaluator, light, limit.error, limit.area) {
+                Verdict::Keep if link.state.is(State::DARK) => outcome.dark.push(link),
+                Verdict::Keep => outcome.kept.push(link),
+                Verdict::SplitReceiver => split[slot] = Some((link.receiver, link)),
+                Verdict::SplitSource => split[slot] = Some((link.source, link)),
+                Verdict::MoreRays => {
+                    outcome.packets += 5 << (2 * link.state.rays());
+                    match evaluator.points(link.receiver, link.source, link.state.rays() + 1, last) {
+                        Some(more) => {
+                            link = more;
+                            continue;
+                        }
+                        None => {}
+                    }
+                }
+            }
+            break;
+        }
+    }
+    let pair = |(node, link): &(u32, Link), wants| Split {
+        node: *node,
+        pair: Pair {
+            a: link.receiver,
+            b: link.source,
+            wants,
+            clear: clear || link.state.is(State::CLEAR) || is_clear(link, evaluator),
+        },
+    };
+    match &split {
+        [Some(first), Some(second)] if first.0 == second.0 => {
+            outcome.splits.push(pair(first, A_RECEIVES | B_RECEIVES));
+        }
+        both => outcome.splits.extend(both.iter().flatten().map(|split| pair(split, A_RECEIVES))),
+    }
+}
+
+/// Is it proven that nothing lies between two elements?
+fn is_clear(link: &Link, evaluator: &Evaluator<'_>) -> bool {
+    let geometry = evaluator.geometry;
+    if link.state.visibility < 255 || (link.receiver | link.source) & CLUSTER != 0 {
+        return false;
+    }
+    let outline = |node: u32| {
+        let element = &evaluator.elements[node as usize];
+        let surface = &geometry.surfaces[element.polygon as usize];
+        let [x, y, z] = surface.normal.to_array();
+        (element.corners.map(|corner| corner.to_array()), element.count as usize, [x, y, z, surface.offset])
+    };
+    let ((a, m, plane_a), (b, n, plane_b)) = (outline(link.receiver), outline(link.source));
+    geometry.bvh.clear_between(geometry.backend, &a[..m], &b[..n], plane_a, plane_b, geometry.tolerance, SHAFT_BUDGET)
+}
