@@ -2,17 +2,13 @@
 //! by packets of rays.
 
 use crate::clusters::Clusters;
+use crate::field::{INNER, mean};
 use crate::geometry::{Element, Geometry};
 use crate::link::{CLUSTER, Link, MIDDLE, State};
 use crate::rays::{Jitter, Packet, RAYS, point_of, sample};
 use glam::Vec3;
 use isolux_simd::factor::{Polygon, point_factors};
 use std::f32::consts::FRAC_1_PI;
-
-/// Corners of a receiver are moved towards its middle by this share, so that a wall that stands on the border is seen at
-/// all: in its plane its factor is 0 from one side and 1/2 from the other. Irradiance changes over an element by its own
-/// size, so this costs about a hundredth of that change.
-const INSET: f32 = 0.01;
 
 /// Distance of middles, in sums of radii, below which nodes are neighbours.
 const NEAR: f32 = 1.5;
@@ -43,12 +39,10 @@ fn byte(share: f32) -> u8 {
     (share.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
 }
 
-/// Corners, a little inside, and middle.
+/// The places at which a receiver is asked: towards its corners, and its middle.
 pub(crate) fn points(element: &Element) -> [Vec3; 5] {
     let centre = element.centre();
-    std::array::from_fn(
-        |k| if k == MIDDLE { centre } else { element.corners[k] + (centre - element.corners[k]) * INSET },
-    )
+    std::array::from_fn(|k| if k == MIDDLE { centre } else { centre + (element.corners[k] - centre) * INNER })
 }
 
 impl Evaluator<'_> {
@@ -91,7 +85,7 @@ impl Evaluator<'_> {
     fn elements_pair(&self, a: u32, b: u32, wants: u8, clear: bool, last: &mut u32) -> [Option<Link>; 2] {
         let (x, y) = (&self.elements[a as usize], &self.elements[b as usize]);
         let tolerance = self.geometry.tolerance;
-        if self.rise(y, x.polygon) <= tolerance || self.rise(x, y.polygon) <= tolerance {
+        if x.open == 0 || y.open == 0 || self.rise(y, x.polygon) <= tolerance || self.rise(x, y.polygon) <= tolerance {
             return [None, None];
         }
         let (there, back) = self.exchange(x, y);
@@ -160,7 +154,7 @@ impl Evaluator<'_> {
         let normals = self.normal(receiver).to_array().map(|value| [value; 8]);
         let source = Polygon {
             corners: source.corners.map(|corner| corner.to_array()),
-            count: source.count,
+            count: source.count.into(),
             normal: self.normal(source).to_array(),
         };
         let factors = point_factors(self.geometry.backend, &lanes, &normals, &source);
@@ -185,9 +179,14 @@ impl Evaluator<'_> {
             packet.set(k, from, normal, to, other, tolerance);
         }
         let through = if clear { [1.0; RAYS] } else { packet.through(self.geometry, last) };
+        // What lies under something receives nothing, and is not what is asked for.
+        let seen = |node: u32, part: &dyn Fn(usize) -> usize| -> [f32; RAYS] {
+            let open = if node & CLUSTER == 0 { self.elements[node as usize].open } else { u16::MAX };
+            std::array::from_fn(|k| if open >> part(k) & 1 == 1 { packet.weights[k] } else { 0.0 })
+        };
         let triangle = |node: u32| node & CLUSTER == 0 && self.elements[node as usize].count == 3;
         [
-            sight(&packet.weights, &through, |k| k >> 2, triangle(a), centre(&packet.weights, &through, &ends), clear),
+            sight(&seen(a, &|k| k), &through, |k| k >> 2, triangle(a), centre(&packet.weights, &through, &ends), clear),
             sight(
                 &packet.weights,
                 &through,
@@ -207,8 +206,13 @@ impl Evaluator<'_> {
         let mut at = [0.0; 5];
         let (mut least, mut most, mut saturated) = (1.0_f32, 0.0_f32, false);
         let (mut sum, mut whole) = (0.0, 0.0);
+        let mut hidden = [false; 5];
         let (mut middle, mut lit, mut places) = ([0.0; 2], 0.0, [[0.0; 2]; RAYS]);
         for (k, point) in points(x).into_iter().enumerate() {
+            if x.crossed && crate::contacts::is_covered(point, x.polygon, self.geometry) {
+                hidden[k] = true;
+                continue;
+            }
             if factors[k] <= 0.0 || k == 3 && x.count == 3 {
                 factors[k] = if k == 3 && x.count == 3 { 0.0 } else { factors[k] };
                 continue;
@@ -246,6 +250,11 @@ impl Evaluator<'_> {
         }
         if whole <= 0.0 {
             return None;
+        }
+        for k in 0..5 {
+            if hidden[k] {
+                at[k] = sum / whole;
+            }
         }
         let flags = if saturated { State::SATURATED } else { 0 };
         let centre = if lit > 0.0 { middle.map(|value| value / lit) } else { [0.5; 2] };
@@ -308,20 +317,14 @@ impl Evaluator<'_> {
     }
 }
 
-/// Mean over an element of a field known at corners and middle, exact for quadratics.
-pub(crate) fn mean(at: &[f32; 5], count: u32) -> f32 {
-    let share = if count == 4 { 2.0 / 3.0 } else { 0.75 };
-    at[..count as usize].iter().sum::<f32>() / 12.0 + at[MIDDLE] * share
-}
-
 /// Gives a field the mean that it is known to have: at the middle, where it lacks; everywhere, where it has too much.
-fn reconcile(at: &mut [f32; 5], count: u32, wanted: f32) {
+fn reconcile(at: &mut [f32; 5], count: u8, wanted: f32) {
     let found = mean(at, count);
     if wanted < found {
         let share = wanted / found;
         at.iter_mut().for_each(|value| *value *= share);
     } else {
-        at[MIDDLE] += (wanted - found) / if count == 4 { 2.0 / 3.0 } else { 0.75 };
+        at[MIDDLE] += (wanted - found) / crate::field::share(count);
     }
 }
 
@@ -359,8 +362,8 @@ fn sight(
     let signal = (variance - chance).max(0.0);
     let spread = 2.0 * signal.sqrt();
     let saturated = quarters.iter().any(|&value| value <= 0.0 || value >= 1.0);
-    // A linear function differs twice as much between corners as between quarters; what chance does is taken off.
-    let stretch = if variance > 0.0 { 2.0 * signal / variance } else { 0.0 };
+    // A linear function differs twice as much between corners as between quarters, less where it is asked; what chance does is taken off.
+    let stretch = if variance > 0.0 { 2.0 * INNER * signal / variance } else { 0.0 };
     let corner = |k: usize| {
         let k = if triangle { k.min(2) } else { k };
         (mean + stretch * (quarters[k] - mean)).clamp(0.0, 1.0)
@@ -370,7 +373,10 @@ fn sight(
         return Sight { at: [1.0; 5], state: State::new(255, 0, 0, State::CLEAR, centre) };
     }
     let flags = if saturated { State::SATURATED } else { 0 };
-    let (at, state) = shaded(at, State::new(byte(mean), byte(spread), 0, flags, centre));
+    // So many rays of equal weight would say as much.
+    let squares: f32 = weights.iter().map(|weight| weight * weight).sum();
+    let rays = if whole > 0.0 { whole * whole / squares } else { 0.0 };
+    let (at, state) = shaded(at, State::new(byte(mean), byte(spread), State::few(rays), flags, centre));
     Sight { at, state }
 }
 

@@ -1,7 +1,9 @@
 //! A scene in single precision about its middle: surfaces, the quadtrees above them that grow by need, and the tree that
 //! rays walk.
 
+use crate::contacts::Contacts;
 use glam::{DVec3, Vec3};
+use isolux_core::sampling::Stream;
 use isolux_core::scene::{Corners, Scene};
 use isolux_core::tree::Path;
 use isolux_simd::bvh::{Bvh8, Filter, Primitive};
@@ -37,7 +39,11 @@ pub(crate) struct Element {
     pub(crate) parent: u32,
     pub(crate) first_child: u32,
     /// 3 or 4.
-    pub(crate) count: u32,
+    pub(crate) count: u8,
+    /// Does something stand on it, so that it may be lit on one side of a line and dark on the other?
+    pub(crate) crossed: bool,
+    /// Which of its sixteen parts, in the order of the quadtree, nothing covers.
+    pub(crate) open: u16,
     pub(crate) path: Path,
 }
 
@@ -48,17 +54,22 @@ impl Element {
         if self.count == 4 { (sum + self.corners[3]) * 0.25 } else { sum / 3.0 }
     }
 
+    /// Share that nothing covers.
+    pub(crate) fn open_share(&self) -> f32 {
+        self.open.count_ones() as f32 / 16.0
+    }
+
     /// Greatest distance of a corner from the middle, metres.
     pub(crate) fn radius(&self) -> f32 {
         let centre = self.centre();
         self.corners.iter().map(|corner| corner.distance_squared(centre)).fold(0.0, f32::max).sqrt()
     }
 
-    fn new(corners: [Vec3; 4], count: u32, polygon: u32, parent: u32, path: Path) -> Element {
+    fn new(corners: [Vec3; 4], count: u8, polygon: u32, parent: u32, path: Path) -> Element {
         let [a, b, c, d] = corners;
         let area = 0.5 * (c - a).cross(d - b).length();
         let area = if count == 4 { area } else { 0.5 * (b - a).cross(c - a).length() };
-        Element { corners, area, polygon, parent, first_child: NONE, count, path }
+        Element { corners, area, polygon, parent, first_child: NONE, count, crossed: false, open: u16::MAX, path }
     }
 
     /// Its quarters: quarter k < n touches corner k, the fourth of a triangle is its middle.
@@ -92,6 +103,8 @@ pub(crate) struct Geometry {
     /// Is every surface opaque?
     pub(crate) opaque: bool,
     pub(crate) backend: Backend,
+    /// Lines along which other polygons touch or cross each polygon.
+    pub(crate) contacts: Contacts,
 }
 
 impl Geometry {
@@ -133,14 +146,15 @@ impl Geometry {
         let opaque = primitives.iter().all(|primitive| primitive.opaque);
         let bvh = Bvh8::build(&primitives);
         let backend = Backend::best();
-        Geometry { scene, middle, tolerance, surfaces, bvh, polygon_of, primitives, opaque, backend }
+        let contacts = Contacts::default();
+        Geometry { scene, middle, tolerance, surfaces, bvh, polygon_of, primitives, opaque, backend, contacts }
     }
 
     /// One element for each polygon, named by its index.
-    pub(crate) fn roots(&self) -> Vec<Element> {
+    pub(crate) fn bare_roots(&self) -> Vec<Element> {
         let root = |(index, polygon): (usize, &isolux_core::scene::Polygon)| {
             let index = index as u32;
-            Element::new(self.corners(&polygon.corners), polygon.corners.len() as u32, index, NONE, Path::root(index))
+            Element::new(self.corners(&polygon.corners), polygon.corners.len() as u8, index, NONE, Path::root(index))
         };
         self.scene.polygons.iter().enumerate().map(root).collect()
     }
@@ -155,18 +169,6 @@ fn is_parallelogram(a: DVec3, b: DVec3, c: DVec3, d: DVec3, tolerance: f64) -> b
     (a - b + c - d).length() <= tolerance
 }
 
-/// Appends the quarters of `element`, unless it has some, and returns the first.
-pub(crate) fn split(elements: &mut Vec<Element>, element: u32) -> u32 {
-    let node = elements[element as usize];
-    if node.first_child != NONE {
-        return node.first_child;
-    }
-    let first = elements.len() as u32;
-    elements.extend(node.quarters(element));
-    elements[element as usize].first_child = first;
-    first
-}
-
 /// What light passes through surfaces that are not opaque: opacity, or a texel of a mask.
 impl Filter for Geometry {
     fn passes(&self, primitive: u32, u: f32, v: f32) -> f32 {
@@ -177,5 +179,58 @@ impl Filter for Geometry {
         let uv = polygon.texture_coordinates(point.as_dvec3() + self.middle);
         let is_solid = uv.is_none_or(|uv| self.scene.masks[mask as usize].is_solid(uv));
         if is_solid { 0.0 } else { 1.0 }
+    }
+}
+
+/// Most surfaces that let light pass which one ray goes through.
+const MOST_PASSED: u32 = 64;
+
+impl Geometry {
+    /// The lit side that a ray from a surface sees and where, and the share of light that gets through: chance decides at
+    /// surfaces that let some pass. Nothing for black backs, and where the ray leaves the scene.
+    pub(crate) fn look(
+        &self,
+        from: Vec3,
+        normal: Vec3,
+        direction: Vec3,
+        far: f32,
+        stream: &mut Stream,
+    ) -> (Option<(u32, Vec3)>, f32) {
+        let mut near = self.tolerance / normal.dot(direction).max(1e-6);
+        for _ in 0..MOST_PASSED {
+            let far = if far.is_finite() { far } else { 4.0 * self.scene.diameter as f32 };
+            let hit = self.bvh.closest(self.backend, from.to_array(), direction.to_array(), near, far);
+            let Some(hit) = hit else { return (None, 1.0) };
+            let polygon = self.polygon_of[hit.primitive as usize];
+            let front = &self.scene.polygons[polygon as usize];
+            let stops = front.mask.is_none() && front.opacity >= 1.0
+                || stream.next_unit() as f32 >= self.passes(hit.primitive, hit.u, hit.v);
+            if stops {
+                let faces = self.surfaces[polygon as usize].normal.dot(direction) < 0.0;
+                let side = if faces { Some(polygon) } else { front.twin };
+                return (side.map(|side| (side, from + direction * hit.t)), 1.0);
+            }
+            near = hit.t + 2.0 * self.tolerance;
+        }
+        (None, 1.0)
+    }
+
+    /// 1 where light gets from one point to another, 0 where it does not; chance decides at surfaces that let some pass.
+    pub(crate) fn passes_between(&self, from: Vec3, normal: Vec3, to: Vec3, other: Vec3, stream: &mut Stream) -> f32 {
+        let direction = to - from;
+        let mut near = self.tolerance / normal.dot(direction);
+        let far = 1.0 + self.tolerance / other.dot(direction);
+        for _ in 0..MOST_PASSED {
+            if near >= far {
+                return 1.0;
+            }
+            let hit = self.bvh.closest(self.backend, from.to_array(), direction.to_array(), near, far);
+            let Some(hit) = hit else { return 1.0 };
+            if stream.next_unit() as f32 >= self.passes(hit.primitive, hit.u, hit.v) {
+                return 0.0;
+            }
+            near = hit.t + 2.0 * self.tolerance / direction.length();
+        }
+        0.0
     }
 }

@@ -6,8 +6,9 @@
 //! points nothing is lost between them: in a closed room they add up to one at every point.
 
 use crate::evaluate::Evaluator;
+use crate::field::{to_corners, to_samples};
 use crate::geometry::{Element, NONE};
-use crate::light::{Bands, Field, Light, quarter_of};
+use crate::light::{Bands, Field, Light, corners_of, quarter_of};
 use crate::link::{CLUSTER, Link, State};
 use rayon::prelude::*;
 
@@ -71,8 +72,9 @@ fn add(field: &mut Field, entry: &Seen, near: &Near<'_>) {
         }
         return;
     }
+    let at = if entry.whole { entry.at } else { to_samples(&entry.at, leaf.count) };
     for k in 0..5 {
-        let factor = factors[k] * entry.at[k];
+        let factor = factors[k] * at[k];
         for band in 0..3 {
             field[k][band] += factor * entry.value[band];
         }
@@ -138,9 +140,10 @@ fn descend(
         for link in rows[row].2 {
             if link.source & CLUSTER != 0 {
                 let value = light.value(link, evaluator);
+                let factors = to_corners(&link.factors, element.count);
                 for k in 0..5 {
                     for band in 0..3 {
-                        field[k][band] += link.factors[k] * value[band];
+                        field[k][band] += factors[k] * value[band];
                     }
                 }
             } else if link.state.is(State::CLEAR) || link.state.visibility == 255 && link.state.spread == 0 {
@@ -155,8 +158,15 @@ fn descend(
         }
     }
     if element.first_child == NONE {
+        let mut samples = [[0.0; 3]; 5];
         for entry in seen.iter() {
-            add(&mut field, entry, &Near { leaf: element, limit, light, evaluator });
+            add(&mut samples, entry, &Near { leaf: element, limit, light, evaluator });
+        }
+        let own = corners_of(&samples, element.count);
+        for k in 0..5 {
+            for band in 0..3 {
+                field[k][band] += own[k][band];
+            }
         }
         leaves.push((node, field));
     } else {

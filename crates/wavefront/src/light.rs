@@ -2,6 +2,7 @@
 
 use crate::clusters::Clusters;
 use crate::evaluate::Evaluator;
+use crate::field::to_corners;
 use crate::geometry::{Element, Geometry, NONE};
 use crate::link::{CLUSTER, Link, MIDDLE, State};
 use glam::Vec3;
@@ -26,7 +27,7 @@ pub(crate) fn rms(bands: Bands) -> f32 {
 }
 
 /// Mean of a field over an element: exact for quadratics on parallelograms and triangles.
-pub(crate) fn mean(field: &Field, count: u32) -> Bands {
+pub(crate) fn mean(field: &Field, count: u8) -> Bands {
     let corner = 1.0 / 12.0;
     let middle = if count == 4 { 2.0 / 3.0 } else { 0.75 };
     std::array::from_fn(|band| {
@@ -38,7 +39,7 @@ pub(crate) fn mean(field: &Field, count: u32) -> Bands {
 /// A field at the corners and middle of a quarter: what is linear along the sides, and the bulge as the quadratic function
 /// that is 1 at the middle and 0 at the corners, the same in all directions. Quadratic functions of that kind stay what
 /// they are, so that a mean is kept on the way down.
-pub(crate) fn quarter(field: &Field, count: u32, quadrant: usize) -> Field {
+pub(crate) fn quarter(field: &Field, count: u8, quadrant: usize) -> Field {
     let mut part = DARK;
     for band in 0..3 {
         let values = quarter_of(&std::array::from_fn(|k| field[k][band]), count, quadrant);
@@ -49,7 +50,7 @@ pub(crate) fn quarter(field: &Field, count: u32, quadrant: usize) -> Field {
 
 /// [`quarter`] of one band.
 #[inline(always)]
-pub(crate) fn quarter_of(values: &[f32; 5], count: u32, quadrant: usize) -> [f32; 5] {
+pub(crate) fn quarter_of(values: &[f32; 5], count: u8, quadrant: usize) -> [f32; 5] {
     let [a, b, c, d, m] = *values;
     if count == 4 {
         let bulge = m - 0.25 * (a + b + c + d);
@@ -77,6 +78,16 @@ pub(crate) fn quarter_of(values: &[f32; 5], count: u32, quadrant: usize) -> [f32
     }
 }
 
+/// Corners of a field that was gathered in samples.
+pub(crate) fn corners_of(samples: &[Bands], count: u8) -> Field {
+    let mut field = DARK;
+    for band in 0..3 {
+        let corners = to_corners(&std::array::from_fn(|k| samples[k][band]), count);
+        (0..5).for_each(|k| field[k][band] = corners[k]);
+    }
+    field
+}
+
 /// Light of all nodes.
 pub(crate) struct Light {
     /// Radiosity of elements, W/m² or lm/m².
@@ -87,6 +98,10 @@ pub(crate) struct Light {
     pub(crate) deviation: Vec<[f32; 2]>,
     /// Irradiance of elements: of leaves all there is, of others what came at their level and above.
     pub(crate) field: Vec<Field>,
+    /// Share of elements that nothing covers.
+    pub(crate) open: Vec<f32>,
+    /// Sum of the receiver's errors over the links of an element, when last asked.
+    pub(crate) coherent: Vec<f32>,
     /// What the last gather at the leaves' own points found beyond what was pushed to them.
     pub(crate) correction: Vec<Field>,
     /// Mean irradiance of elements, pulled.
@@ -114,6 +129,8 @@ impl Light {
             deviation: vec![[0.0; 2]; elements.len()],
             irradiance: vec![[0.0; 3]; elements.len()],
             field,
+            open: elements.iter().map(Element::open_share).collect(),
+            coherent: vec![0.0; elements.len()],
             correction: vec![DARK; elements.len()],
             intensity: vec![[[0.0; 3]; 9]; count],
             cluster_radiosity: vec![0.0; count],
@@ -134,6 +151,8 @@ impl Light {
             self.radiosity.push(self.radiosity[parent]);
             self.deviation.push(self.deviation[parent].map(|part| 0.5 * part));
             self.slope.push([[0.0; 3]; 2]);
+            self.coherent.push(0.7 * self.coherent[parent]);
+            self.open.push(element.open_share());
             self.irradiance.push(self.irradiance[parent]);
             self.field.push(quarter(&self.field[parent], element.count, quadrant));
             self.correction.push(quarter(&self.correction[parent], element.count, quadrant));
@@ -149,6 +168,10 @@ impl Light {
             (evaluator.elements[node as usize].area, rms(self.irradiance[node as usize]))
         };
         area * self.weight(irradiance)
+    }
+
+    pub(crate) fn coherent(&self, node: u32) -> f32 {
+        if node & CLUSTER == 0 { self.coherent[node as usize] } else { 0.0 }
     }
 
     fn weight(&self, irradiance: f32) -> f32 {
@@ -200,7 +223,8 @@ impl Light {
             if receiver & CLUSTER != 0 {
                 arriving[(receiver & !CLUSTER) as usize] = values;
             } else {
-                self.field[receiver as usize].copy_from_slice(&values[..5]);
+                let count = evaluator.elements[receiver as usize].count;
+                self.field[receiver as usize] = corners_of(&values, count);
             }
         }
         self.push(&mut arriving, evaluator);
@@ -208,7 +232,7 @@ impl Light {
             for k in 0..5 {
                 for band in 0..3 {
                     let value = &mut self.field[index][k][band];
-                    *value = (*value + self.correction[index][k][band]).max(0.0);
+                    *value += self.correction[index][k][band];
                 }
             }
         }
@@ -299,6 +323,7 @@ impl Light {
             if element.first_child == NONE {
                 let field = &self.field[index];
                 let middle = mean(field, element.count);
+                let middle = middle.map(|value| value.max(0.0));
                 self.irradiance[index] = middle;
                 self.radiosity[index] =
                     std::array::from_fn(|k| surface.emission[k] + surface.reflectance[k] * middle[k]);
@@ -321,21 +346,30 @@ impl Light {
                 self.deviation[index] = parted(square, &slope, element.count);
             } else {
                 let first = element.first_child as usize;
-                let (mut radiosity, mut irradiance, mut area) = ([0.0; 3], [0.0; 3], 0.0);
+                // Means over what is open. Of what is covered all of it, so that there is something to divide by.
+                let whole: f32 = (first..first + 4).map(|child| elements[child].area).sum();
+                let open: f32 = (first..first + 4).map(|child| elements[child].area * self.open[child]).sum();
+                self.open[index] = open / whole;
+                let share = |light: &Light, child: usize| {
+                    if open > 0.0 {
+                        elements[child].area * light.open[child] / open
+                    } else {
+                        elements[child].area / whole
+                    }
+                };
+                let (mut radiosity, mut irradiance) = ([0.0; 3], [0.0; 3]);
                 for child in first..first + 4 {
-                    let share = elements[child].area;
-                    area += share;
+                    let share = share(self, child);
                     for band in 0..3 {
                         radiosity[band] += share * self.radiosity[child][band];
                         irradiance[band] += share * self.irradiance[child][band];
                     }
                 }
-                let radiosity = radiosity.map(|value| value / area);
                 let mut square = 0.0;
                 for child in first..first + 4 {
                     let [linear, rest] = self.deviation[child];
                     let apart = rms(std::array::from_fn(|k| self.radiosity[child][k] - radiosity[k]));
-                    square += elements[child].area * (linear * linear + rest * rest + apart * apart);
+                    square += share(self, child) * (linear * linear + rest * rest + apart * apart);
                 }
                 let at = |k: usize, band: usize| self.radiosity[first + k][band];
                 let slope = if element.count == 4 {
@@ -350,9 +384,9 @@ impl Light {
                     ]
                 };
                 self.slope[index] = slope;
-                self.deviation[index] = parted(square / area, &slope, element.count);
+                self.deviation[index] = parted(square, &slope, element.count);
                 self.radiosity[index] = radiosity;
-                self.irradiance[index] = irradiance.map(|value| value / area);
+                self.irradiance[index] = irradiance;
             }
         }
         for index in (0..clusters.nodes.len()).rev() {
@@ -416,7 +450,7 @@ fn send_to_members(arriving: &mut [Directional], field: &mut [Field], evaluator:
 }
 
 /// Splits a variance (mean over bands) into what a slope makes of it, and the rest; as deviations.
-fn parted(square: f32, slope: &[Bands; 2], count: u32) -> [f32; 2] {
+fn parted(square: f32, slope: &[Bands; 2], count: u8) -> [f32; 2] {
     let mut linear = 0.0;
     for band in 0..3 {
         let (s, t) = (slope[0][band], slope[1][band]);

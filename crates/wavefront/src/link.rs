@@ -27,9 +27,10 @@ pub(crate) struct State {
     pub(crate) visibility: u8,
     /// Range of the visibility over the receiver's points, in 255ths, what sampling adds taken off.
     pub(crate) spread: u8,
-    /// Low three bits, rays: 0 for 16 between both, n for 4^(n+1) to each of the receiver's points. The rest are flags.
+    /// Low three bits, rays: 0 for 16 between both, 1 to 3 for 4^(n+1) to each of the receiver's points, from 4 on as
+    /// [`State::few`] says. The rest are flags.
     bits: u8,
-    /// Centre of what arrives, on the source: coordinates from 0 to 15, four bits each; see [`State::centre`].
+    /// Centre of what arrives, on the source: coordinates from 0 to 14, four bits each; see [`State::centre`].
     centre: u8,
 }
 
@@ -50,7 +51,7 @@ impl State {
     }
 
     pub(crate) fn from(self, centre: [f32; 2]) -> State {
-        let [s, t] = centre.map(|share| (share.clamp(0.0, 1.0) * 15.0 + 0.5) as u8);
+        let [s, t] = centre.map(|share| (share.clamp(0.0, 1.0) * 14.0 + 0.5) as u8);
         State { centre: s << 4 | t, ..self }
     }
 
@@ -66,6 +67,36 @@ impl State {
         State { visibility, ..self }
     }
 
+    /// Code of 16 rays between both that say no more than so many of equal weight.
+    pub(crate) fn few(rays: f32) -> u8 {
+        match rays {
+            12.0.. => 0,
+            6.0.. => 4,
+            3.0.. => 5,
+            1.0.. => 6,
+            _ => 7,
+        }
+    }
+
+    /// Rays to each of the receiver's points, 0 for such between both.
+    pub(crate) fn rays_of_points(self) -> u32 {
+        match self.rays() {
+            n @ 1..=3 => 4 << (2 * n),
+            _ => 0,
+        }
+    }
+
+    /// How many rays of equal weight those between both amount to.
+    pub(crate) fn rays_between(self) -> f32 {
+        match self.rays() {
+            4 => 8.0,
+            5 => 4.0,
+            6 => 2.0,
+            7 => 0.0,
+            _ => 16.0,
+        }
+    }
+
     pub(crate) fn rays(self) -> u8 {
         self.bits & 7
     }
@@ -73,7 +104,7 @@ impl State {
     /// Where on the source the light comes from, on average: `(s, t)` of the bilinear map of a quadrilateral, the weights of
     /// the second and third corner of a triangle.
     pub(crate) fn centre(self) -> [f32; 2] {
-        [self.centre >> 4, self.centre & 15].map(|step| f32::from(step) / 15.0)
+        [self.centre >> 4, self.centre & 15].map(|step| f32::from(step) / 14.0)
     }
 }
 

@@ -37,6 +37,9 @@ pub(crate) const BULGE: f32 = 0.3;
 /// RMS of what linear interpolation between three points leaves of a step of 1 anywhere: sqrt(1/12).
 const STEP: f32 = 0.29;
 
+/// How many times what it carries a link counts that cannot tell how much that is: many such links err together.
+pub(crate) const ROUGH: f32 = 5.0;
+
 /// Most rays from a point: 4^(3+1).
 pub(crate) const MOST_RAYS: u8 = 3;
 
@@ -49,12 +52,16 @@ fn noise(state: State) -> f32 {
         return 0.0;
     }
     let v = f32::from(state.visibility) / 255.0;
-    if state.rays() == 0 {
-        // None or all of 16 leaves the posterior of a proportion.
-        v * (1.0 - v) / 16.0 + 1.0 / (18.0 * 18.0)
+    let rays = state.rays_of_points() as f32;
+    if state.is(State::DARK) && rays > 0.0 {
+        // Five places are blocked, however many rays each sent.
+        1.0 / (5.0 + 2.0) / (5.0 + 2.0)
+    } else if rays == 0.0 {
+        // None or all leaves the posterior of a proportion.
+        let rays = state.rays_between();
+        v * (1.0 - v) / (rays + 1.0) + 1.0 / (rays + 2.0) / (rays + 2.0)
     } else {
         // Strata in the plane of the source: those on the border of a shadow count alone, about 2 n of n².
-        let rays = 16.0 * f32::from(1_u16 << (2 * (state.rays() - 1)));
         0.8 * v * (1.0 - v) * rays.powf(-1.5) + 1.0 / (5.0 * rays + 2.0) / (5.0 * rays + 2.0)
     }
 }
@@ -83,7 +90,9 @@ pub(crate) fn errors(link: &Link, evaluator: &Evaluator<'_>, light: &Light) -> E
         errors.receiver = most * (1.5 * own / distance).min(1.0) + open * partial;
     } else {
         // What factors vary over the receiver is no error: leaves take them anew.
-        errors.receiver = step * spread * open;
+        // Where something stands on the receiver, one side of it may see what the other does not.
+        let crossed = evaluator.elements[link.receiver as usize].crossed && !state.is(State::CLEAR);
+        errors.receiver = if crossed { STEP * open } else { step * spread * open };
     }
     if is_cluster(link.source) {
         errors.source =
@@ -103,11 +112,11 @@ pub(crate) fn errors(link: &Link, evaluator: &Evaluator<'_>, light: &Light) -> E
         }
     }
     if state.is(State::BROAD) || state.is(State::GRAZING) {
-        // All of it may be wrong.
+        // All of it may be wrong, and always in the same direction.
         if own >= other {
-            errors.receiver = errors.receiver.max(most);
+            errors.receiver = errors.receiver.max(ROUGH * most);
         } else {
-            errors.source = errors.source.max(most);
+            errors.source = errors.source.max(ROUGH * most);
         }
     }
     errors.noise = open * noise(state).sqrt();
@@ -116,8 +125,12 @@ pub(crate) fn errors(link: &Link, evaluator: &Evaluator<'_>, light: &Light) -> E
 
 /// Decides. `limit`: what area times weight times squared error may be.
 pub(crate) fn verdict(link: &Link, evaluator: &Evaluator<'_>, light: &Light, limit: f32, least_area: f32) -> Verdict {
-    let errors = errors(link, evaluator, light);
+    let mut errors = errors(link, evaluator, light);
     let weight = light.weighted_area(link.receiver, evaluator);
+    // Where something stands on the receiver, all its links miss the same step: such errors add up as they are, and each
+    // counts by what it adds to the square of the sum.
+    let together = light.coherent(link.receiver).max(errors.receiver);
+    errors.receiver = (errors.receiver * together).sqrt();
     if weight * errors.square() <= limit {
         return Verdict::Keep;
     }
@@ -139,7 +152,18 @@ pub(crate) fn verdict(link: &Link, evaluator: &Evaluator<'_>, light: &Light, lim
             _ => Verdict::Keep,
         };
     }
-    let more = link.state.rays() < MOST_RAYS && !link.state.is(State::CLEAR);
+    // Rays that missed what there is to see, since the plane of one cuts through the other, miss it again.
+    // What covers all places that were asked may leave others free.
+    let missed = link.state.rays() >= 5 || link.state.is(State::DARK);
+    if missed && errors.noise >= errors.receiver.max(errors.source) {
+        let (own, other) = (evaluator.ball(link.receiver).1, evaluator.ball(link.source).1);
+        return match (own >= other, receiver, source) {
+            (true, true, _) | (false, true, false) => Verdict::SplitReceiver,
+            (_, _, true) => Verdict::SplitSource,
+            _ => Verdict::Keep,
+        };
+    }
+    let more = link.state.rays() != MOST_RAYS && !link.state.is(State::CLEAR);
     if more && errors.noise >= errors.receiver.max(errors.source) {
         return Verdict::MoreRays;
     }

@@ -56,8 +56,10 @@ pub struct Outcome {
     pub elements: Elements,
     /// Mean radiosity by element, W/m² or lm/m².
     pub radiosity: Vec<Rgb>,
-    /// Mean irradiance by element, W/m² or lm/m².
+    /// Mean irradiance by element, W/m² or lm/m²; where something covers an element, nothing arrives.
     pub irradiance: Vec<Rgb>,
+    /// Share of each element that nothing covers.
+    pub open_share: Vec<f64>,
     /// Irradiance at the corners and the middle of leaves; of inner elements nothing that counts.
     pub fields: Vec<Field>,
     /// Links that carry light.
@@ -110,7 +112,14 @@ impl Solved {
         Outcome {
             elements,
             radiosity: bands(&self.light.radiosity),
-            irradiance: bands(&self.light.irradiance),
+            irradiance: self
+                .light
+                .irradiance
+                .iter()
+                .zip(&self.light.open)
+                .map(|(value, open)| Rgb(value.map(|value| f64::from(value * open))))
+                .collect(),
+            open_share: self.light.open.iter().map(|&open| f64::from(open)).collect(),
             fields: self.light.field.clone(),
             links: columns,
             clusters,

@@ -1,7 +1,7 @@
 //! Values at points.
 
-use crate::geometry::{Element, NONE};
-use crate::light::{Bands, Field};
+use crate::geometry::{Element, Geometry, NONE};
+use crate::light::{Bands, Field, Light};
 use crate::link::MIDDLE;
 use crate::solve::Solved;
 use glam::{DVec3, Vec3};
@@ -15,6 +15,18 @@ pub(crate) fn leaf(solved: &Solved, polygon: u32, point: Vec3) -> usize {
         index = element.first_child as usize + quadrant(element, normal, point);
     }
     index
+}
+
+/// Irradiance at a point of a polygon, in the middle's coordinates.
+pub(crate) fn field_at(geometry: &Geometry, elements: &[Element], light: &Light, polygon: u32, point: Vec3) -> Bands {
+    let normal = geometry.surfaces[polygon as usize].normal;
+    let mut index = polygon as usize;
+    while elements[index].first_child != NONE {
+        index = elements[index].first_child as usize + quadrant(&elements[index], normal, point);
+    }
+    let element = &elements[index];
+    let corners = element.corners.map(|corner| corner.as_dvec3());
+    within(&corners[..element.count as usize], normal.as_dvec3(), point.as_dvec3(), &light.field[index])
 }
 
 /// A leaf's field at one of its points: linear along the sides, and the bulge in between. A point that rounding puts

@@ -2,11 +2,12 @@
 //! makes the pairs of the next round.
 
 use crate::clusters::Clusters;
+use crate::contacts::split;
 use crate::evaluate::{A_RECEIVES, B_RECEIVES, Evaluator};
-use crate::geometry::{Element, Geometry, NONE, split};
+use crate::geometry::{Element, Geometry, NONE};
 use crate::light::{Light, rms};
 use crate::link::{CLUSTER, Link, MIDDLE, State};
-use crate::oracle::{BULGE, Verdict, errors, verdict};
+use crate::oracle::{BULGE, ROUGH, Verdict, errors, verdict};
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -153,7 +154,7 @@ impl Transport {
         let mut children = [0_u32; 16];
         let mut count = 0;
         if node & CLUSTER == 0 {
-            let first = split(&mut self.elements, node);
+            let first = split(&mut self.elements, node, &self.geometry);
             for k in 0..4 {
                 children[k as usize] = first + k;
             }
@@ -218,33 +219,41 @@ impl Transport {
             .map(|(leaf, _)| leaf)
             .collect();
         for &leaf in &coarse {
-            split(&mut self.elements, leaf);
+            split(&mut self.elements, leaf, &self.geometry);
         }
         light.adopt(&self.elements);
         coarse.len()
     }
 
     /// Sum over receivers of area times weight times squared error, m² (W/m²)², by what is kept.
-    pub(crate) fn remaining(&self, light: &Light) -> Remaining {
+    pub(crate) fn remaining(&self, light: &mut Light) -> Remaining {
         let evaluator = self.evaluator();
         let rows: Vec<&[Link]> = self.links.chunk_by(|a, b| a.receiver == b.receiver).collect();
-        let parts: Vec<Remaining> = rows
+        let now: &Light = light;
+        let parts: Vec<(u32, f32, Remaining)> = rows
             .par_iter()
             .with_min_len(64)
             .map(|row| {
+                let light = now;
                 let area = light.weighted_area(row[0].receiver, &evaluator);
                 let mut sum = Remaining::default();
+                let mut together = 0.0;
                 for link in *row {
                     let errors = errors(link, &evaluator, light);
-                    sum.receiver += f64::from(area * errors.receiver * errors.receiver);
+                    together += errors.receiver;
                     sum.source += f64::from(area * errors.source * errors.source);
                     sum.noise += f64::from(area * errors.noise * errors.noise);
                 }
-                sum
+                sum.receiver = f64::from(area * together * together);
+                (row[0].receiver, together, sum)
             })
             .collect();
         let mut sum = Remaining::default();
-        for part in parts {
+        light.coherent.fill(0.0);
+        for (receiver, together, part) in parts {
+            if receiver & CLUSTER == 0 {
+                light.coherent[receiver as usize] = together;
+            }
             sum.receiver += part.receiver;
             sum.source += part.source;
             sum.noise += part.noise;
@@ -273,7 +282,7 @@ fn examine(pair: &Pair, evaluator: &Evaluator<'_>, light: &Light, limit: Limit, 
     let &Pair { a, b, wants, clear } = pair;
     if a == b {
         // What members of a cluster may throw on each other at most: half of what they radiate, as in a bowl.
-        let most = 0.5 * light.cluster_radiosity[(a & !CLUSTER) as usize];
+        let most = ROUGH * 0.5 * light.cluster_radiosity[(a & !CLUSTER) as usize];
         if light.weighted_area(a, evaluator) * most * most <= limit.error {
             outcome.alone.push(a);
         } else {
@@ -305,8 +314,17 @@ fn decide(
                 Verdict::SplitReceiver => split[slot] = Some((link.receiver, link)),
                 Verdict::SplitSource => split[slot] = Some((link.source, link)),
                 Verdict::MoreRays => {
-                    outcome.packets += 5 << (2 * link.state.rays());
-                    match evaluator.points(link.receiver, link.source, link.state.rays() + 1, last) {
+                    let rays = if link.state.rays_of_points() == 0 { 1 } else { link.state.rays() + 1 };
+                    outcome.packets += 5 << (2 * rays - 2);
+                    match evaluator.points(link.receiver, link.source, rays, last) {
+                        Some(more)
+                            if more.state.is(State::DARK)
+                                && link.state.rays_of_points() == 0
+                                && link.state.visibility > 0 =>
+                        {
+                            // Something covers all five points, but not all of the receiver: only parts can tell.
+                            split[slot] = Some((link.receiver, link));
+                        }
                         Some(more) => {
                             link = more;
                             continue;

@@ -1,6 +1,7 @@
 //! Stages of refinement and gathering until what the links leave is below the error that was asked for.
 
 use crate::clusters::Clusters;
+use crate::contacts::{Contacts, mark};
 use crate::geometry::Geometry;
 use crate::light::{Light, rms};
 use crate::link::CLUSTER;
@@ -62,10 +63,12 @@ impl Prepared {
     #[must_use]
     pub fn new(scene: Arc<Scene>) -> Prepared {
         let fronts = scene.fronts;
-        let geometry = Arc::new(Geometry::new(scene));
-        let roots = geometry.roots();
+        let mut geometry = Geometry::new(scene);
+        let roots = geometry.bare_roots();
         let active: Vec<bool> = (0..roots.len()).map(|polygon| polygon < fronts).collect();
         let clusters = Arc::new(Clusters::new(&roots, &active));
+        geometry.contacts = Contacts::new(&geometry, &clusters, &roots);
+        let geometry = Arc::new(geometry);
         Prepared { geometry, clusters }
     }
 
@@ -74,7 +77,8 @@ impl Prepared {
     pub fn solve(&self, request: &Request) -> Solved {
         let Prepared { geometry, clusters } = self;
         let scene = &*geometry.scene;
-        let elements = geometry.roots();
+        let mut elements = geometry.bare_roots();
+        mark(&mut elements, geometry);
         let area: f64 = scene.area();
         // As if all that is emitted fell evenly on everything, and what is reflected again and again.
         let reflectance: f64 =
@@ -128,7 +132,7 @@ impl Prepared {
             }
             mean = mean_irradiance(&light, scene, &transport);
             light.scale = mean as f32;
-            let left = transport.remaining(&light);
+            let left = transport.remaining(&mut light);
             let Remaining { receiver, source, noise, bulge, dark } = left;
             let relative = |square: f64| (square / area).sqrt() / mean;
             let sum = receiver + bulge + source + noise + dark;
@@ -144,6 +148,9 @@ impl Prepared {
                 packets: transport.packets,
                 seconds: [refined, start.elapsed().as_secs_f64() - refined],
             });
+            let start = std::time::Instant::now();
+            let found = crate::check::check(geometry, &transport.elements, &light, request.seed);
+            eprintln!("check {found:.4?} {:.4}", start.elapsed().as_secs_f64());
             if estimate <= request.error {
                 break;
             }
@@ -179,7 +186,8 @@ fn mean_irradiance(light: &Light, scene: &Scene, transport: &Transport) -> f64 {
     let sum: f64 = polygons
         .iter()
         .zip(&light.irradiance)
-        .map(|(root, h)| f64::from(root.area) * f64::from(h[0] + h[1] + h[2]) / 3.0)
+        .zip(&light.open)
+        .map(|((root, h), open)| f64::from(root.area * open) * f64::from(h[0] + h[1] + h[2]) / 3.0)
         .sum();
     sum / scene.area()
 }
@@ -187,14 +195,14 @@ fn mean_irradiance(light: &Light, scene: &Scene, transport: &Transport) -> f64 {
 impl Prepared {
     /// dev
     pub fn probe(&self) {
-        let mut elements = self.geometry.roots();
+        let mut elements = self.geometry.bare_roots();
         let n = elements.len();
         for i in 0..n {
-            let f = crate::geometry::split(&mut elements, i as u32);
+            let f = crate::contacts::split(&mut elements, i as u32, &self.geometry);
             for k in 0..4 {
-                let g = crate::geometry::split(&mut elements, f + k);
+                let g = crate::contacts::split(&mut elements, f + k, &self.geometry);
                 for l in 0..4 {
-                    crate::geometry::split(&mut elements, g + l);
+                    crate::contacts::split(&mut elements, g + l, &self.geometry);
                 }
             }
         }
@@ -218,12 +226,12 @@ impl Prepared {
                         let mut last = u32::MAX;
                         if let [Some(l), _] = evaluator.pair(i, j, 3, false, &mut last) {
                             if !l.state.is(crate::link::State::DARK) {
-                                acc += crate::evaluate::mean(&l.factors, elements[i as usize].count) as f64 / 4.0;
+                                acc += crate::field::mean(&l.factors, elements[i as usize].count) as f64 / 4.0;
                             }
                         }
                         if seed == 0 {
                             let (a, _) = evaluator.exchange(&elements[i as usize], &elements[j as usize]);
-                            unocc += crate::evaluate::mean(&a, 4) as f64 * elements[i as usize].area as f64;
+                            unocc += crate::field::mean(&a, 4) as f64 * elements[i as usize].area as f64;
                         }
                     }
                     sum += acc * elements[i as usize].area as f64;
@@ -252,6 +260,25 @@ impl Solved {
         t.slope.iter_mut().for_each(|b| *b = [[0.0; 3]; 2]);
         t.deviation.iter_mut().for_each(|b| *b = [0.0; 2]);
         t.settle(&self.transport.links, 0.0, &self.transport.evaluator());
+        for p in 0..self.geometry.scene.fronts {
+            let mut t =
+                crate::light::Light::even([0.0; 3], &self.geometry, self.prepared_clusters(), &self.transport.elements);
+            let e = &self.transport.elements;
+            for i in 0..e.len() {
+                t.radiosity[i] = if e[i].polygon == p as u32 { [1.0; 3] } else { [0.0; 3] };
+                t.slope[i] = [[0.0; 3]; 2];
+                t.deviation[i] = [0.0; 2];
+            }
+            t.settle(&self.transport.links, 0.0, &self.transport.evaluator());
+            let mut sum = 0.0;
+            for i in 0..e.len() {
+                if e[i].first_child == u32::MAX {
+                    sum += e[i].area * crate::light::mean(&t.field[i], e[i].count)[0];
+                }
+            }
+            eprint!("{p}>{:.4} ", sum / e[p].area);
+        }
+        eprintln!("column sums");
         let e = &self.transport.elements;
         let (mut a, mut s, mut q) = (0.0, 0.0, 0.0);
         for i in 0..e.len() {
@@ -260,6 +287,23 @@ impl Solved {
                 a += e[i].area;
                 s += e[i].area * m;
                 q += e[i].area * (m - 1.0) * (m - 1.0);
+            }
+        }
+        {
+            let mut worst: Vec<(f32, usize)> = (0..e.len())
+                .filter(|&i| e[i].first_child == u32::MAX)
+                .map(|i| (e[i].area * (crate::light::mean(&t.field[i], e[i].count)[0] - 1.0), i))
+                .collect();
+            worst.sort_by(|a, b| b.0.abs().total_cmp(&a.0.abs()));
+            for &(w, i) in worst.iter().take(25) {
+                eprintln!(
+                    "leaf poly {} depth {} centre {:.2?} r {:.2} deficit*area {w:.4} field {:.3?}",
+                    e[i].polygon,
+                    e[i].path.depth(),
+                    e[i].centre().as_dvec3() + self.geometry.middle,
+                    e[i].radius(),
+                    t.field[i].map(|f| f[0])
+                );
             }
         }
         for p in 0..self.geometry.scene.fronts {

@@ -1,0 +1,179 @@
+//! Where surfaces touch: the lines along which other polygons stand on a polygon, lie in it or cut through it go in; which
+//! elements have such a line within, and which are covered, comes out.
+//!
+//! Light on a surface changes at once only along such lines. An element without one is open or covered as a whole, which
+//! one ray tells; an element with one is split until what it may be wrong by does not count.
+
+use crate::clusters::Clusters;
+use crate::geometry::{Element, Geometry, NONE};
+use crate::rays::point_of;
+use glam::Vec3;
+use rayon::prelude::*;
+
+/// Segments in the planes of polygons, by polygon.
+#[derive(Default)]
+pub(crate) struct Contacts {
+    start: Vec<u32>,
+    segments: Vec<[Vec3; 2]>,
+}
+
+impl Contacts {
+    /// Finds all lines of contact.
+    pub(crate) fn new(geometry: &Geometry, clusters: &Clusters, roots: &[Element]) -> Contacts {
+        let found: Vec<Vec<[Vec3; 2]>> = (0..roots.len() as u32)
+            .into_par_iter()
+            .map(|polygon| touching(polygon, geometry, clusters, roots))
+            .collect();
+        let mut start = Vec::with_capacity(found.len() + 1);
+        let mut segments = Vec::new();
+        for own in found {
+            start.push(segments.len() as u32);
+            segments.extend(own);
+        }
+        start.push(segments.len() as u32);
+        Contacts { start, segments }
+    }
+
+    fn of(&self, polygon: u32) -> &[[Vec3; 2]] {
+        match self.start.get(polygon as usize..=polygon as usize + 1) {
+            Some(&[from, to]) => &self.segments[from as usize..to as usize],
+            _ => &[],
+        }
+    }
+}
+
+/// Segments in which other polygons meet the inside of `polygon`.
+fn touching(polygon: u32, geometry: &Geometry, clusters: &Clusters, roots: &[Element]) -> Vec<[Vec3; 2]> {
+    let (root, tolerance) = (&roots[polygon as usize], geometry.tolerance);
+    let (low, high) = bounds(root);
+    let (low, high) = (low - tolerance, high + tolerance);
+    let surface = &geometry.surfaces[polygon as usize];
+    let apart = |a: Vec3, b: Vec3| a.cmpgt(high).any() || b.cmplt(low).any();
+    let mut found = Vec::new();
+    let mut open = vec![0_u32];
+    while let Some(index) = open.pop() {
+        let node = &clusters.nodes[index as usize];
+        if apart(node.low, node.high) {
+            continue;
+        }
+        if node.second != 0 {
+            open.extend([index + 1, node.second]);
+            continue;
+        }
+        for &other in clusters.members(index) {
+            let root = &roots[other as usize];
+            let (a, b) = bounds(root);
+            if other == polygon || geometry.scene.polygons[polygon as usize].twin == Some(other) || apart(a, b) {
+                continue;
+            }
+            let corners = &root.corners[..root.count as usize];
+            let heights: Vec<f32> = corners.iter().map(|&corner| surface.normal.dot(corner) - surface.offset).collect();
+            for k in 0..corners.len() {
+                let next = (k + 1) % corners.len();
+                if heights[k].abs() <= tolerance && heights[next].abs() <= tolerance {
+                    found.push([corners[k], corners[next]]);
+                }
+            }
+            // Where it cuts through the plane.
+            let mut ends = Vec::new();
+            for k in 0..corners.len() {
+                let next = (k + 1) % corners.len();
+                let (p, q) = (heights[k], heights[next]);
+                if p.min(q) < -tolerance && p.max(q) > tolerance {
+                    ends.push(corners[k] + (corners[next] - corners[k]) * (p / (p - q)));
+                } else if p.abs() <= tolerance && q.abs() > tolerance {
+                    ends.push(corners[k]);
+                }
+            }
+            if let [from, to] = ends[..] {
+                found.push([from, to]);
+            }
+        }
+    }
+    found.retain(|segment| crosses(root, segment, surface.normal, tolerance));
+    found
+}
+
+fn bounds(root: &Element) -> (Vec3, Vec3) {
+    root.corners
+        .iter()
+        .fold((root.corners[0], root.corners[0]), |(low, high), &corner| (low.min(corner), high.max(corner)))
+}
+
+/// Does a segment of an element's plane run through its inside, further than a tolerance from its sides?
+fn crosses(element: &Element, segment: &[Vec3; 2], normal: Vec3, tolerance: f32) -> bool {
+    let corners = &element.corners[..element.count as usize];
+    // The part of the segment that is left of all sides.
+    let (mut from, mut to) = (0.0_f32, 1.0_f32);
+    for k in 0..corners.len() {
+        let side = corners[(k + 1) % corners.len()] - corners[k];
+        let inward = normal.cross(side).normalize_or_zero();
+        let margin = tolerance.max(1e-3 * side.length());
+        let depth = [0, 1].map(|end: usize| inward.dot(segment[end] - corners[k]) - margin);
+        match (depth[0] > 0.0, depth[1] > 0.0) {
+            (false, false) => return false,
+            (true, true) => {}
+            (true, false) => to = to.min(depth[0] / (depth[0] - depth[1])),
+            (false, true) => from = from.max(depth[0] / (depth[0] - depth[1])),
+        }
+    }
+    from < to
+}
+
+/// Marks roots: crossed or not, covered or not.
+pub(crate) fn mark(elements: &mut [Element], geometry: &Geometry) {
+    elements.par_iter_mut().for_each(|element| {
+        element.crossed = !geometry.contacts.of(element.polygon).is_empty();
+        element.open = open_parts(element, geometry);
+    });
+}
+
+/// The parts of an element that nothing covers: of one that nothing stands on all or none.
+fn open_parts(element: &Element, geometry: &Geometry) -> u16 {
+    if !element.crossed {
+        return if is_covered(element.centre(), element.polygon, geometry) { 0 } else { u16::MAX };
+    }
+    (0..16).fold(0, |open, part| {
+        let (point, _) = point_of(element, 2, part, MIDDLE_OF_PART);
+        open | u16::from(!is_covered(point, element.polygon, geometry)) << part
+    })
+}
+
+/// Jitter of the middle of a part: of a triangle's, its centroid.
+const MIDDLE_OF_PART: [f32; 2] = [0.5, 0.5];
+
+/// Is a point of a polygon inside something solid: is what it faces the back of a surface without a lit back?
+pub(crate) fn is_covered(point: Vec3, polygon: u32, geometry: &Geometry) -> bool {
+    let normal = geometry.surfaces[polygon as usize].normal;
+    let far = 4.0 * geometry.scene.diameter as f32;
+    let start = 2.0 * geometry.tolerance;
+    let hit = geometry.bvh.closest(geometry.backend, point.to_array(), normal.to_array(), start, far);
+    hit.is_some_and(|hit| {
+        let polygon = geometry.polygon_of[hit.primitive as usize];
+        let front = &geometry.scene.polygons[polygon as usize];
+        let solid = front.twin.is_none() && front.mask.is_none() && front.opacity >= 1.0;
+        solid && geometry.surfaces[polygon as usize].normal.dot(normal) > 0.0
+    })
+}
+
+/// Appends the quarters of `element`, unless it has some, and returns the first.
+pub(crate) fn split(elements: &mut Vec<Element>, element: u32, geometry: &Geometry) -> u32 {
+    let node = elements[element as usize];
+    if node.first_child != NONE {
+        return node.first_child;
+    }
+    let first = elements.len() as u32;
+    let normal = geometry.surfaces[node.polygon as usize].normal;
+    let mut quarters = node.quarters(element);
+    for quarter in &mut quarters {
+        quarter.open = node.open;
+        if node.crossed {
+            let mut lines = geometry.contacts.of(node.polygon).iter();
+            quarter.crossed = lines.any(|line| crosses(quarter, line, normal, geometry.tolerance));
+            quarter.open = open_parts(quarter, geometry);
+        }
+    }
+    elements.extend(quarters);
+    elements[element as usize].first_child = first;
+    first
+}
