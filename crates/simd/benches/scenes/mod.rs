@@ -72,7 +72,8 @@ pub fn room() -> Vec<Primitive> {
         cuboid(&mut all, [x, y, 0.35], [0.06, 0.06, 0.7], 0.1);
     }
     // Chairs.
-    for (k, (x, y)) in [(2.6, 1.7), (3.2, 1.7), (3.8, 1.7), (2.6, 3.1), (3.2, 3.1), (3.8, 3.1)].into_iter().enumerate() {
+    for (k, (x, y)) in [(2.6, 1.7), (3.2, 1.7), (3.8, 1.7), (2.6, 3.1), (3.2, 3.1), (3.8, 3.1)].into_iter().enumerate()
+    {
         let back = if k < 3 { -0.2 } else { 0.2 };
         let turn = 0.2 * (k as f32 - 2.5);
         cuboid(&mut all, [x, y, 0.45], [0.42, 0.42, 0.04], turn);

@@ -53,6 +53,8 @@ pub(crate) struct Block {
     pub(crate) area: [f32; WIDTH],
     /// 1 for a triangle, 0 for a parallelogram: u and v are inside up to `max(u, v) + triangle * min(u, v) = 1`.
     pub(crate) triangle: [f32; WIDTH],
+    /// Lower x, y, z, upper x, y, z of each, padded.
+    pub(crate) planes: [[f32; WIDTH]; 6],
     /// Indices of the primitives.
     pub(crate) ids: [u32; WIDTH],
 }
@@ -67,17 +69,18 @@ impl Block {
         edges: [0.0; WIDTH],
         area: [0.0; WIDTH],
         triangle: [0.0; WIDTH],
+        planes: [[f32::INFINITY; WIDTH]; 6],
         ids: [NONE; WIDTH],
     };
 
     /// Puts a primitive with an area into a lane.
     pub(crate) fn set(&mut self, lane: usize, id: u32, primitive: &Primitive) {
         let normal = normal(primitive);
-        for axis in 0..3 {
+        for (axis, normal) in normal.into_iter().enumerate() {
             self.origin[axis][lane] = primitive.origin[axis];
             self.minus_u[axis][lane] = -primitive.u[axis];
             self.v[axis][lane] = primitive.v[axis];
-            self.normal[axis][lane] = normal[axis] as f32;
+            self.normal[axis][lane] = normal as f32;
         }
         self.edges[lane] = (length(&primitive.u.map(f64::from)) + length(&primitive.v.map(f64::from))) as f32;
         self.area[lane] = length(&normal) as f32;

@@ -50,9 +50,9 @@ impl Shaft {
             a[0][axis], a[1][axis], a[2][axis], a[3][axis], b[0][axis], b[1][axis], b[2][axis], b[3][axis],
         ]);
         let mut shaft = Shaft { planes: [[0.0; 4]; PLANES], count: 0, corners, lo: [0.0; 3], hi: [0.0; 3] };
-        for axis in 0..3 {
+        for (axis, corners) in corners.iter().enumerate() {
             let (mut lo, mut hi) = (f32::INFINITY, f32::NEG_INFINITY);
-            for &x in &corners[axis] {
+            for &x in corners {
                 lo = if x < lo { x } else { lo };
                 hi = if x > hi { x } else { hi };
             }
@@ -117,20 +117,21 @@ impl Shaft {
         let above = L::bits(most.le(L::splat(slack))) & valid;
         let below = L::bits(L::splat(-slack).le(least)) & valid;
         let offset = dot(normal, base);
-        let mut numbers = [[0.0; WIDTH]; 5];
-        normal[0].store(&mut numbers[0]);
-        normal[1].store(&mut numbers[1]);
-        normal[2].store(&mut numbers[2]);
-        offset.add(most).store(&mut numbers[3]);
-        offset.add(least).store(&mut numbers[4]);
-        for k in 0..WIDTH {
-            let n = three!(axis => numbers[axis][k]);
+        let mut normals = [[0.0; WIDTH]; 3];
+        for (axis, lanes) in normal.into_iter().enumerate() {
+            lanes.store(&mut normals[axis]);
+        }
+        let (mut upper, mut lower) = ([0.0; WIDTH], [0.0; WIDTH]);
+        offset.add(most).store(&mut upper);
+        offset.add(least).store(&mut lower);
+        for (k, (upper, lower)) in upper.into_iter().zip(lower).enumerate() {
+            let n = three!(axis => normals[axis][k]);
             if above >> k & 1 != 0 && self.count < PLANES {
-                self.planes[self.count] = [n[0], n[1], n[2], numbers[3][k]];
+                self.planes[self.count] = [n[0], n[1], n[2], upper];
                 self.count += 1;
             }
             if below >> k & 1 != 0 && self.count < PLANES {
-                self.planes[self.count] = [-n[0], -n[1], -n[2], -numbers[4][k]];
+                self.planes[self.count] = [-n[0], -n[1], -n[2], -lower];
                 self.count += 1;
             }
         }
