@@ -88,7 +88,7 @@ impl<const N: usize> Rays<N> {
 /// A bounding volume hierarchy of [`Primitive`]s, eight children a node.
 ///
 /// It is the same whatever the number of threads that built it, and so are the answers, bit for bit, whatever the backend.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Bvh8 {
     nodes: Vec<Node>,
     blocks: Vec<Block>,
