@@ -136,8 +136,7 @@ struct Packet<'a, L> {
 
 impl<'a, L: Lanes> Packet<'a, L> {
     #[inline(always)]
-    fn new(bvh: &Bvh8, single: &'a Rays<16>) -> Self {
-        let rays = [Ray::half(bvh, single, 0), Ray::half(bvh, single, 1)];
+    fn new(single: &'a Rays<16>, rays: [Ray<L>; 2]) -> Self {
         let one = L::splat(1.0);
         let inverse =
             [three!(axis => one.div(rays[0].direction[axis])), three!(axis => one.div(rays[1].direction[axis]))];
@@ -181,13 +180,6 @@ impl<'a, L: Lanes> Packet<'a, L> {
         L::bits(from.le(to))
     }
 
-    /// Those of `active` that have a length.
-    #[inline(always)]
-    fn valid(&self, active: u32) -> u32 {
-        let some = |half: usize| L::bits(self.rays[half].near.lt(self.rays[half].far));
-        active & (some(0) | some(1) << WIDTH)
-    }
-
     /// The rays that meet the box of child `k`.
     #[inline(always)]
     fn enter(&self, planes: &[[f32; WIDTH]; 6], k: usize) -> u32 {
@@ -207,15 +199,21 @@ impl<'a, L: Lanes> Packet<'a, L> {
         }
         bits
     }
+}
 
-    /// The rays that cross a primitive.
-    #[inline(always)]
-    fn crosses(&self, block: &Block, lane: usize) -> u32 {
-        let surface = Surface::one(block, lane);
-        let low = cross(&self.rays[0], &surface);
-        let high = cross(&self.rays[1], &surface);
-        L::bits(low.mask) | L::bits(high.mask) << WIDTH
-    }
+/// Those of `active` that have a length.
+#[inline(always)]
+fn valid<L: Lanes>(rays: &[Ray<L>; 2], active: u32) -> u32 {
+    active & (L::bits(rays[0].near.lt(rays[0].far)) | L::bits(rays[1].near.lt(rays[1].far)) << WIDTH)
+}
+
+/// The rays that cross a primitive.
+#[inline(always)]
+fn crosses<L: Lanes>(rays: &[Ray<L>; 2], block: &Block, lane: usize) -> u32 {
+    let surface = Surface::one(block, lane);
+    let low = cross(&rays[0], &surface);
+    let high = cross(&rays[1], &surface);
+    L::bits(low.mask) | L::bits(high.mask) << WIDTH
 }
 
 #[inline(always)]
@@ -359,7 +357,7 @@ impl<L: Lanes> Visit<L> for Blocked {
         while left != 0 {
             let lane = left.trailing_zeros() as usize;
             left &= left - 1;
-            let hit = packet.crosses(block, lane) & rays;
+            let hit = crosses(&packet.rays, block, lane) & rays;
             if hit != 0 {
                 self.bits |= hit;
                 self.last = block.ids[lane % WIDTH];
@@ -376,15 +374,17 @@ impl<L: Lanes> Visit<L> for Blocked {
 
 #[inline(always)]
 fn blocked_body<L: Lanes>(bvh: &Bvh8, rays: &Rays<16>, active: u32, last: &mut u32) -> u32 {
-    let packet = Packet::<L>::new(bvh, rays);
-    let mut live = packet.valid(active & 0xffff);
+    let pair = [Ray::<L>::half(bvh, rays, 0), Ray::half(bvh, rays, 1)];
+    let mut live = valid(&pair, active & 0xffff);
     let mut found = Blocked { bits: 0, last: *last };
     if let Some((block, lane)) = bvh.opaque_place(*last) {
-        found.bits = packet.crosses(block, lane) & live;
+        found.bits = crosses(&pair, block, lane) & live;
         live &= !found.bits;
     }
-    walk(bvh, &packet, live, &mut found);
-    *last = found.last;
+    if live != 0 {
+        walk(bvh, &Packet::new(rays, pair), live, &mut found);
+        *last = found.last;
+    }
     found.bits
 }
 dispatch!(fn blocked(bvh: &Bvh8, rays: &Rays<16>, active: u32, last: &mut u32) -> u32 = blocked_body);
@@ -474,11 +474,11 @@ fn transmittance_body<L: Lanes, F: Filter>(
     last: &mut u32,
     filter: &F,
 ) -> [f32; 16] {
-    let packet = Packet::<L>::new(bvh, rays);
-    let mut live = packet.valid(active & 0xffff);
+    let pair = [Ray::<L>::half(bvh, rays, 0), Ray::half(bvh, rays, 1)];
+    let mut live = valid(&pair, active & 0xffff);
     let mut found = Passed { share: [1.0; 16], last: *last, filter };
     if let Some((block, lane)) = bvh.opaque_place(*last) {
-        let hit = packet.crosses(block, lane) & live;
+        let hit = crosses(&pair, block, lane) & live;
         for ray in 0..16 {
             if hit >> ray & 1 != 0 {
                 found.share[ray] = 0.0;
@@ -486,11 +486,12 @@ fn transmittance_body<L: Lanes, F: Filter>(
         }
         live &= !hit;
     }
-    walk(bvh, &packet, live, &mut found);
-    *last = found.last;
+    if live != 0 {
+        walk(bvh, &Packet::new(rays, pair), live, &mut found);
+        *last = found.last;
+    }
     found.share
 }
-
 dispatch!(fn transmittance<F: Filter>(
     bvh: &Bvh8, rays: &Rays<16>, active: u32, last: &mut u32, filter: &F,
 ) -> [f32; 16] = transmittance_body);
