@@ -58,7 +58,7 @@ int main(int count, char **names) {
     fprintf(stderr, "usage: %s LIBRARY FILE... %s\n", names[0], count < 3 ? "" : dlerror());
     return 2;
   }
-  int four = dlsym(library, "rtcInitOccludedArguments") || !dlsym(library, "rtcInterpolateN") || strstr(names[1], "embree4");
+  int four = dlsym(library, "rtcForwardIntersect1") != NULL;
   Handle (*new_device)(const char *) = find("rtcNewDevice");
   Handle (*new_scene)(Handle) = find("rtcNewScene");
   Handle (*new_geometry)(Handle, int) = find("rtcNewGeometry");

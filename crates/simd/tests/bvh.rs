@@ -41,10 +41,12 @@ fn cross(rays: &Rays<16>, k: usize, primitive: &Primitive, scale: f32) -> Result
     let size = o.iter().fold(f64::from(scale), |size, x| size.max(x.abs()));
     let skin = f64::from(SKIN) * size;
     let sides = (t - near * det).min(far * det - t) / length(n);
-    let total = if primitive.parallelogram { hit_u.max(hit_v) } else { hit_u + hit_v };
-    let reach = (length(u) + length(v)) * (d[0].abs() + d[1].abs() + d[2].abs());
-    let inside = hit_u.min(hit_v).min(det - total) / reach;
-    // Surely not: too close to the plane, or beyond the outline by more than the reach, with half a skin for rounding.
+    let w = std::array::from_fn(|axis| u[axis] - v[axis]);
+    let (u_inside, v_inside) = (hit_u / length(v), hit_v / length(u));
+    let (u_beyond, v_beyond) = ((det - hit_u) / length(v), (det - hit_v) / length(u));
+    let outer = if primitive.parallelogram { u_beyond.min(v_beyond) } else { (det - hit_u - hit_v) / length(w) };
+    let inside = u_inside.min(v_inside).min(outer) / length(d);
+    // Surely not: too close to the plane, or beyond the outline by more than the skin, with half a skin for rounding.
     if sides < 0.5 * skin || inside < -1.5 * skin {
         return Ok(None);
     }

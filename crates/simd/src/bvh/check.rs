@@ -148,7 +148,7 @@ fn same_lane(block: &Block, other: &Block, lane: usize) -> bool {
     let rows = |block: &Block| -> Vec<f32> {
         let vectors = [block.origin, block.minus_u, block.v, block.normal];
         let mut row: Vec<f32> = vectors.iter().flatten().map(|values| values[lane]).collect();
-        row.extend([block.edges[lane], block.area[lane], block.triangle[lane]]);
+        row.extend([block.length_u[lane], block.length_v[lane], block.length_w[lane]]);
         row
     };
     rows(block) == rows(other) && block.ids[lane] == other.ids[lane]

@@ -35,6 +35,11 @@ fn dot<L: Lanes>(a: [L; 3], b: [L; 3]) -> L {
     a[0].mul(b[0]).add(a[1].mul(b[1])).add(a[2].mul(b[2]))
 }
 
+#[inline(always)]
+fn cross3<L: Lanes>(a: [L; 3], b: [L; 3]) -> [L; 3] {
+    [a[1].mul(b[2]).sub(a[2].mul(b[1])), a[2].mul(b[0]).sub(a[0].mul(b[2])), a[0].mul(b[1]).sub(a[1].mul(b[0]))]
+}
+
 /// A polygon's corners, the last repeated where there are three.
 #[inline(always)]
 fn four(polygon: &[[f32; 3]]) -> [[f32; 3]; CORNERS] {
@@ -53,11 +58,15 @@ struct Shape<L: Lanes> {
 impl<L: Lanes> Shape<L> {
     #[inline(always)]
     fn new(block: &Block) -> Self {
+        let (u, v) = (three!(axis => L::load(&block.minus_u[axis])), three!(axis => L::load(&block.v[axis])));
+        // The block's edges are over |N|: their product is 1 / |N|. A lane without a primitive is not looked at.
+        let normal = cross3(v, u);
+        let area = L::splat(1.0).div(dot(normal, normal).sqrt());
         Shape {
             origin: three!(axis => L::load(&block.origin[axis])),
-            u: three!(axis => L::load(&block.minus_u[axis]).neg()),
-            v: three!(axis => L::load(&block.v[axis])),
-            triangle: L::splat(0.0).lt(L::load(&block.triangle)),
+            u: three!(axis => u[axis].neg().mul(area)),
+            v: three!(axis => v[axis].mul(area)),
+            triangle: L::load(&block.length_w).lt(L::splat(f32::INFINITY)),
         }
     }
 
@@ -113,11 +122,7 @@ impl Shaft {
                 let base = three!(axis => L::load(&p[axis]));
                 let e = three!(axis => L::load(&q[axis]).sub(base[axis]));
                 let f = three!(axis => L::load(&r[axis]).sub(base[axis]));
-                let n = [
-                    e[1].mul(f[2]).sub(e[2].mul(f[1])),
-                    e[2].mul(f[0]).sub(e[0].mul(f[2])),
-                    e[0].mul(f[1]).sub(e[1].mul(f[0])),
-                ];
+                let n = cross3(e, f);
                 let square = dot(n, n);
                 let spans = L::splat(SPAN * SPAN).mul(dot(e, e)).mul(dot(f, f)).lt(square);
                 let length = square.sqrt();
@@ -210,8 +215,7 @@ impl Shaft {
             least = height.min(least);
             most = height.max(most);
         }
-        let reach = L::load(&block.area).mul(tolerance);
-        inside & !L::bits(L::or(most.le(reach), reach.neg().le(least)))
+        inside & !L::bits(L::or(most.le(tolerance), tolerance.neg().le(least)))
     }
 }
 
@@ -267,7 +271,10 @@ dispatch!(fn clear_between(
 #[inline(always)]
 fn blocks_all_body<L: Lanes>(bvh: &Bvh8, place: u32, a: &[[f32; 3]], b: &[[f32; 3]], tolerance: f32) -> bool {
     let block = &bvh.blocks[place as usize / WIDTH];
-    let surface = Surface::one(block, place as usize % WIDTH);
+    let mut surface = Surface::<L>::one(block, place as usize % WIDTH);
+    // The reach below is negative; a parallelogram has no third edge to be inside of.
+    let infinity = L::splat(f32::INFINITY);
+    surface.length_w = L::select(surface.length_w.lt(infinity), surface.length_w, infinity.neg());
     let (a, b) = (four(a), four(b));
     // Lanes: two corners of one polygon with four of the other.
     for pair in [0, 2] {
@@ -283,8 +290,7 @@ fn blocks_all_body<L: Lanes>(bvh: &Bvh8, place: u32, a: &[[f32; 3]], b: &[[f32; 
         let mut ray = Ray::new(bvh, origin, direction, L::splat(0.0), L::splat(1.0));
         // Well inside the outline, where a query's rule asks for less than well outside.
         ray.skin = ray.skin.max(L::splat(tolerance));
-        let length = direction[0].abs().add(direction[1].abs()).add(direction[2].abs());
-        ray.reach = ray.skin.mul(length).neg();
+        ray.reach = ray.skin.mul(dot(direction, direction).sqrt()).neg();
         if L::bits(cross(&ray, &surface).mask) != 0xff {
             return false;
         }
