@@ -1,5 +1,7 @@
 //! The hierarchy against every primitive one by one in double precision, on all backends.
 
+#![allow(clippy::unwrap_used)]
+
 use isolux_simd::bvh::{Bvh8, Filter, Hit, NoFilter, Primitive, Rays, SKIN, check};
 use isolux_simd::lanes::Backend;
 use proptest::prelude::*;
@@ -322,7 +324,7 @@ fn compare_many(primitives: &[Primitive], rays: &Rays<16>) {
     let scale = scale(primitives);
     let blocked = bvh.blocked(Backend::best(), rays, 0xffff, &mut u32::MAX.clone());
     let hits = bvh.closest16(Backend::best(), rays, 0xffff);
-    for k in 0..16 {
+    for (k, hit) in hits.iter().enumerate() {
         let crossings: Vec<_> = primitives.iter().map(|primitive| cross(rays, k, primitive, scale)).collect();
         let opaque = |wanted: fn(&Result<Option<[f64; 3]>, ()>) -> bool| {
             crossings.iter().zip(primitives).any(|(crossing, primitive)| primitive.opaque && wanted(crossing))
@@ -332,7 +334,7 @@ fn compare_many(primitives: &[Primitive], rays: &Rays<16>) {
         assert!(!bit || opaque(|crossing| *crossing != Ok(None)), "ray {k}");
         let first = crossings.iter().filter_map(|c| c.ok().flatten()).map(|hit| hit[0]).fold(f64::INFINITY, f64::min);
         if first < f64::INFINITY {
-            assert!(f64::from(hits[k].t) <= first + 1e-5, "ray {k}");
+            assert!(f64::from(hit.t) <= first + 1e-5, "ray {k}");
         }
     }
 }

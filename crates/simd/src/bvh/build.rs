@@ -9,9 +9,10 @@ use rayon::prelude::*;
 
 /// Most primitives of a leaf.
 const LEAF_SIZE: usize = 8;
-/// Cost of entering a box in terms of the cost of testing a primitive: see the bench `rays`.
+/// Cost of entering a box in terms of the cost of testing a primitive. Between 0.5 and 5 visibility in the room differs by
+/// a twentieth (bench `rays`).
 const ENTER: f32 = 2.0;
-/// Bins along each axis.
+/// Bins along each axis. With 8, visibility takes a tenth longer; with 32, as long (bench `rays`).
 const BINS: usize = 16;
 /// Levels after which parts are halved by number, so that the hierarchy's height, and with it the stack of a walk
 /// ([`STACK`]), is bounded: reached by boxes that shrink by powers of two only.
