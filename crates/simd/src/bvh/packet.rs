@@ -417,7 +417,15 @@ impl<L: Lanes, F: Filter> Visit<L> for Passed<'_, F> {
         live: u32,
     ) -> u32 {
         let mut blocked = 0;
-        let mut left = hull.meets::<L>(&block.planes) & ((1 << count) - 1);
+        let number = rays.count_ones();
+        let mut left = (1 << count) - 1;
+        if number > FEW {
+            left &= hull.meets::<L>(&block.planes);
+        }
+        if number <= 2 * left.count_ones() {
+            blocked = self.one_by_one(packet, block, opaque, left, rays);
+            left = 0;
+        }
         while left != 0 {
             let lane = left.trailing_zeros() as usize % WIDTH;
             left &= left - 1;
@@ -446,6 +454,46 @@ impl<L: Lanes, F: Filter> Visit<L> for Passed<'_, F> {
 }
 
 impl<F: Filter> Passed<'_, F> {
+    /// Each ray against all primitives; answers the rays that are stopped.
+    #[inline(always)]
+    fn one_by_one<L: Lanes>(
+        &mut self,
+        packet: &Packet<'_, L>,
+        block: &Block,
+        opaque: u32,
+        lanes: u32,
+        mut rays: u32,
+    ) -> u32 {
+        let surface = Surface::all(block);
+        let mut stopped = 0;
+        while rays != 0 {
+            let ray = rays.trailing_zeros() as usize % 16;
+            rays &= rays - 1;
+            let crossing = cross(&packet.ray(ray), &surface);
+            let mut hit = L::bits(crossing.mask) & lanes;
+            if hit & opaque != 0 {
+                stopped |= 1 << ray;
+                self.last = block.ids[(hit & opaque).trailing_zeros() as usize % WIDTH];
+                continue;
+            }
+            if hit == 0 {
+                continue;
+            }
+            let (mut u, mut v) = ([0.0; WIDTH], [0.0; WIDTH]);
+            crossing.u.div(crossing.det).store(&mut u);
+            crossing.v.div(crossing.det).store(&mut v);
+            while hit != 0 {
+                let lane = hit.trailing_zeros() as usize % WIDTH;
+                hit &= hit - 1;
+                self.share[ray] *= self.filter.passes(block.ids[lane], u[lane], v[lane]);
+            }
+            if self.share[ray] <= 0.0 {
+                stopped |= 1 << ray;
+            }
+        }
+        stopped
+    }
+
     /// Asks the filter for the rays that hit; answers those that it stops.
     #[inline(always)]
     fn pass<L: Lanes>(&mut self, id: u32, crossing: &Crossing<L>, mut hit: u32, half: usize) -> u32 {
