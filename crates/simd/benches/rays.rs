@@ -1,11 +1,12 @@
-//! Nanoseconds for the visibility of one pair by sixteen rays, for first hits, and seconds to build.
+//! Nanoseconds for the visibility of one pair by sixteen rays, for first hits, for proofs, and seconds to build.
 
+#[allow(unreachable_pub, dead_code)]
 mod scenes;
 
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
-use isolux_simd::bvh::{Bvh8, NoFilter, Primitive};
+use isolux_simd::bvh::{Bvh8, NoFilter, Primitive, SKIN};
 use isolux_simd::lanes::Backend;
-use scenes::{Random, dense, packets, pairs, refined, room, triangle};
+use scenes::{Patch, Point, Random, cross, dense, dot, packets, pairs, refined, room, triangle};
 use std::hint::black_box;
 
 const PAIRS: usize = 4096;
@@ -49,6 +50,33 @@ fn visibility(c: &mut Criterion) {
     }
 }
 
+/// A patch's corners and its plane.
+fn shape(patch: &Patch) -> (Vec<Point>, [f32; 4]) {
+    let n = cross(patch.u, patch.v);
+    let n = n.map(|x| x / dot(n, n).sqrt());
+    (patch.corners(), [n[0], n[1], n[2], dot(n, patch.origin)])
+}
+
+fn proofs(c: &mut Criterion) {
+    let backend = Backend::best();
+    for (name, primitives) in [("room", room()), ("dense", dense())] {
+        let bvh = Bvh8::build(&primitives);
+        let shapes: Vec<_> = pairs(&primitives, PAIRS, 1).iter().map(|(a, b)| (shape(a), shape(b))).collect();
+        let tolerance = 2.0 * SKIN * bvh.bounds().1[0];
+        let mut group = c.benchmark_group(format!("clear_between/{name}"));
+        group.throughput(Throughput::Elements(PAIRS as u64));
+        for budget in [16, 64] {
+            group.bench_function(format!("{budget}"), |bench| {
+                bench.iter(|| {
+                    for ((a, plane_a), (b, plane_b)) in &shapes {
+                        black_box(bvh.clear_between(backend, a, b, *plane_a, *plane_b, tolerance, budget));
+                    }
+                });
+            });
+        }
+    }
+}
+
 fn soup(count: usize) -> Vec<Primitive> {
     let mut random = Random(3);
     let size = 4.0 / (count as f32).cbrt();
@@ -72,5 +100,5 @@ fn build(c: &mut Criterion) {
     }
 }
 
-criterion_group!(benches, visibility, build);
+criterion_group!(benches, visibility, proofs, build);
 criterion_main!(benches);

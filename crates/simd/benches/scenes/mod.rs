@@ -1,4 +1,4 @@
-//! Scenes and rays to measure with: a furnished room of 379 parallelograms, and the same full of blobs, 127,000 triangles.
+//! Scenes and rays to measure with: a furnished room of 349 parallelograms, and the same full of bumpy balls, 125,000 triangles.
 
 use isolux_simd::bvh::{Primitive, Rays};
 
@@ -58,7 +58,7 @@ fn cuboid(all: &mut Vec<Primitive>, middle: Point, size: Point, turn: f32) {
     side(at(1., -1., -1.), at(1., 1., -1.), at(1., -1., 1.));
 }
 
-/// A room of 6 x 5 x 2.8 m with a table, six chairs, a bed, shelves with books and a lamp: 379 parallelograms.
+/// A room of 6 x 5 x 2.8 m with a table, six chairs, a bed, shelves with books and a lamp: 349 parallelograms.
 pub fn room() -> Vec<Primitive> {
     let mut all = Vec::new();
     cuboid(&mut all, [3.0, 2.5, 1.4], [6.0, 5.0, 2.8], 0.0);
@@ -72,7 +72,8 @@ pub fn room() -> Vec<Primitive> {
         cuboid(&mut all, [x, y, 0.35], [0.06, 0.06, 0.7], 0.1);
     }
     // Chairs.
-    for (k, (x, y)) in [(2.6, 1.7), (3.2, 1.7), (3.8, 1.7), (2.6, 3.1), (3.2, 3.1), (3.8, 3.1)].into_iter().enumerate() {
+    for (k, (x, y)) in [(2.6, 1.7), (3.2, 1.7), (3.8, 1.7), (2.6, 3.1), (3.2, 3.1), (3.8, 3.1)].into_iter().enumerate()
+    {
         let back = if k < 3 { -0.2 } else { 0.2 };
         let turn = 0.2 * (k as f32 - 2.5);
         cuboid(&mut all, [x, y, 0.45], [0.42, 0.42, 0.04], turn);
@@ -100,7 +101,7 @@ pub fn room() -> Vec<Primitive> {
     all
 }
 
-/// The room with 20 bumpy balls of 6,320 triangles each.
+/// The room with 20 bumpy balls of 6,240 triangles each.
 pub fn dense() -> Vec<Primitive> {
     let mut all = room();
     let mut random = Random(7);
@@ -160,6 +161,11 @@ impl Patch {
     fn at(&self, s: f32, t: f32) -> Point {
         let (s, t) = if !self.parallelogram && s + t > 1.0 { (1.0 - s, 1.0 - t) } else { (s, t) };
         std::array::from_fn(|axis| self.origin[axis] + s * self.u[axis] + t * self.v[axis])
+    }
+
+    pub fn corners(&self) -> Vec<Point> {
+        let corners = [self.at(0.0, 0.0), self.at(1.0, 0.0), self.at(0.0, 1.0)];
+        if self.parallelogram { vec![corners[0], corners[1], self.at(1.0, 1.0), corners[2]] } else { corners.to_vec() }
     }
 
     /// One of the sixteen cells of a 4 x 4 raster, its middle.

@@ -9,7 +9,7 @@ use super::{Bvh8, Primitive};
 /// - Children come first in a node, primitives first in a block; places without one hold an empty box, a zero normal.
 /// - A block holds 1 to 8 primitives, as many as its parent says; those that are opaque are marked so.
 /// - Every primitive with an area stands in exactly one lane, where `places` says; no other is in the hierarchy.
-/// - A child's box holds the boxes of its children, a block's box the corners of its primitives.
+/// - A child's box holds the boxes of its children, a block's box and the primitive's own its corners.
 /// - `bounds` is the box of all primitives, `scale` the largest magnitude in it.
 ///
 /// # Errors
@@ -90,7 +90,10 @@ pub fn check(bvh: &Bvh8, primitives: &[Primitive]) -> Result<(), String> {
                     return Err(format!("block {index}: lane {lane} is not primitive {id}"));
                 }
                 for corner in corners(primitive) {
-                    if !inside(corner) {
+                    let own = (0..3).all(|axis| {
+                        block.planes[axis][lane] < corner[axis] && corner[axis] < block.planes[axis + 3][lane]
+                    });
+                    if !inside(corner) || !own {
                         return Err(format!("primitive {id} is not in its box"));
                     }
                     for axis in 0..3 {
@@ -145,7 +148,7 @@ fn same_lane(block: &Block, other: &Block, lane: usize) -> bool {
     let rows = |block: &Block| -> Vec<f32> {
         let vectors = [block.origin, block.minus_u, block.v, block.normal];
         let mut row: Vec<f32> = vectors.iter().flatten().map(|values| values[lane]).collect();
-        row.extend([block.edges[lane], block.area[lane], block.triangle[lane]]);
+        row.extend([block.length_u[lane], block.length_v[lane], block.length_w[lane]]);
         row
     };
     rows(block) == rows(other) && block.ids[lane] == other.ids[lane]

@@ -69,8 +69,9 @@ impl<L: Lanes> Probe<L> {
 #[inline(always)]
 fn closest_body<L: Lanes>(bvh: &Bvh8, origin: [f32; 3], direction: [f32; 3], near: f32, far: f32) -> Hit {
     let mut hit = Hit::NONE;
-    // Written so that what is not a number is refused too.
-    if bvh.nodes.is_empty() || !(near < far) {
+    // What is not a number is refused too.
+    let some = near < far;
+    if bvh.nodes.is_empty() || !some {
         return hit;
     }
     let probe = Probe::<L>::new(bvh, origin, direction, near, far);

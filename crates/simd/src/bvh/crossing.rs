@@ -35,7 +35,7 @@ pub(crate) struct Ray<L> {
     pub(crate) far: L,
     /// d: the distance within which points coincide.
     pub(crate) skin: L,
-    /// d times at least the direction's length.
+    /// d times the direction's length.
     pub(crate) reach: L,
 }
 
@@ -45,7 +45,7 @@ impl<L: Lanes> Ray<L> {
     pub(crate) fn new(bvh: &Bvh8, origin: [L; 3], direction: [L; 3], near: L, far: L) -> Self {
         let size = origin[0].abs().max(origin[1].abs()).max(origin[2].abs());
         let skin = size.max(L::splat(bvh.scale)).mul(L::splat(SKIN));
-        let reach = skin.mul(direction[0].abs().add(direction[1].abs()).add(direction[2].abs()));
+        let reach = skin.mul(dot(direction, direction).sqrt());
         Ray { origin, direction, near, far, skin, reach }
     }
 
@@ -71,9 +71,9 @@ pub(crate) struct Surface<L> {
     minus_u: [L; 3],
     v: [L; 3],
     normal: [L; 3],
-    edges: L,
-    area: L,
-    triangle: L,
+    length_u: L,
+    length_v: L,
+    pub(crate) length_w: L,
 }
 
 impl<L: Lanes> Surface<L> {
@@ -85,9 +85,9 @@ impl<L: Lanes> Surface<L> {
             minus_u: three!(axis => L::load(&block.minus_u[axis])),
             v: three!(axis => L::load(&block.v[axis])),
             normal: three!(axis => L::load(&block.normal[axis])),
-            edges: L::load(&block.edges),
-            area: L::load(&block.area),
-            triangle: L::load(&block.triangle),
+            length_u: L::load(&block.length_u),
+            length_v: L::load(&block.length_v),
+            length_w: L::load(&block.length_w),
         }
     }
 
@@ -100,9 +100,9 @@ impl<L: Lanes> Surface<L> {
             minus_u: three!(axis => L::splat(block.minus_u[axis][lane])),
             v: three!(axis => L::splat(block.v[axis][lane])),
             normal: three!(axis => L::splat(block.normal[axis][lane])),
-            edges: L::splat(block.edges[lane]),
-            area: L::splat(block.area[lane]),
-            triangle: L::splat(block.triangle[lane]),
+            length_u: L::splat(block.length_u[lane]),
+            length_v: L::splat(block.length_v[lane]),
+            length_w: L::splat(block.length_w[lane]),
         }
     }
 }
@@ -112,7 +112,7 @@ impl<L: Lanes> Surface<L> {
 pub(crate) struct Crossing<L: Lanes> {
     /// Which do.
     pub(crate) mask: L::Mask,
-    /// `|det|`, what the following are to be divided by.
+    /// `|N.D| / |N|`, what the following are to be divided by.
     pub(crate) det: L,
     /// t.
     pub(crate) t: L,
@@ -141,11 +141,11 @@ pub(crate) fn cross<L: Lanes>(ray: &Ray<L>, surface: &Surface<L>) -> Crossing<L>
     let v = dot(surface.minus_u, c).flip(sign);
 
     // Opposite sides of the plane, both further than the skin.
-    let skin = surface.area.mul(ray.skin);
-    let sides = L::and(ray.near.mul(det).add(skin).lt(t), t.lt(ray.far.mul(det).sub(skin)));
+    let sides = L::and(ray.near.mul(det).add(ray.skin).lt(t), t.lt(ray.far.mul(det).sub(ray.skin)));
     // Inside the outline, or outside by less than the skin.
-    let reach = surface.edges.mul(ray.reach);
-    let (least, most) = (u.min(v), u.max(v));
-    let inside = L::and(reach.neg().le(least), most.add(surface.triangle.mul(least)).le(det.add(reach)));
+    let inner_u = u.min(det.sub(u)).add(ray.reach.mul(surface.length_v));
+    let inner_v = v.min(det.sub(v)).add(ray.reach.mul(surface.length_u));
+    let inner_w = det.add(ray.reach.mul(surface.length_w)).sub(u.add(v));
+    let inside = L::splat(0.0).le(inner_u.min(inner_v).min(inner_w));
     Crossing { mask: L::and(sides, inside), det, t, u, v }
 }

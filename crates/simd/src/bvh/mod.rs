@@ -8,16 +8,21 @@
 //! the ray's origin. A primitive is crossed by `origin + t * direction`, t in (near, far), when
 //!
 //! - the segment's ends lie on opposite sides of its plane, each more than d away from it, and
-//! - the segment's line passes inside its outline, or outside by less than about d.
+//! - the segment's line passes inside each of its edges, or outside by no more than d.
 //!
 //! So a segment that starts or ends on a primitive, or on one coplanar with it, is not blocked by it, and none that lies in a
 //! primitive's plane is blocked by that primitive: no identifiers are compared. And no line passes between two primitives
 //! with a common edge, even where their corners agree to rounding only or the one's corner lies on the other's edge. The
-//! price is an outline too large by d, about two millionths of the scene's size.
+//! price is an outline too large by d, two millionths of the scene's size: of rays between random patches of a dense scene,
+//! 2 in 10,000 are blocked that pass a silhouette more closely than that (`examples/dump_rays.rs`).
 //!
-//! Both are signed volumes of numbers relative to the ray's origin. With `s = P - O`, `c = s x D`, `N = U x V`:
-//! `det = N.D`, `t det = N.s`, `u det = V.c`, `v det = -U.c`. Every product of the last three carries an error of at most
-//! some 24 units of rounding (2^-24) of `|D| |U| m`; [`SKIN`] is 32 of them.
+//! The line's distance from an edge is a signed volume of numbers relative to the ray's origin O. With `s = P - O`,
+//! `c = s x D`, `N = U x V`: `det = N.D`, `t det = N.s`, `u det = V.c`, `v det = -U.c`, and `V.c / (|V| |D|)` is the distance
+//! from the edge u = 0 (Moeller and Trumbore 1997, without the division). In units of rounding, 2^-24, `V.c` is wrong by at most 6.5 `|V| |D| |s|` (one
+//! for s, 2.5 for c, three for the scalar product), which is 22 m in distance where s spans the scene, `|s| <= 2 sqrt(3) m`;
+//! rounding U and V moves a corner by up to 3.5 m on either side of an edge. [`SKIN`] is 32 units, above their sum of 29.
+//! (`no_light_passes_between_neighbours` aims at edges and corners.) So a scene is best centred on the origin, and ray
+//! origins belong within ten times its size: farther out, boxes are padded by less than the rounding.
 
 mod build;
 mod check;
@@ -33,8 +38,8 @@ pub use packet::{Filter, NoFilter};
 
 use node::{Block, Node};
 
-/// Distance within which points coincide, over the largest magnitude of a coordinate: 32 units of rounding (see the
-/// module's page).
+/// Distance within which points coincide, over the largest magnitude of a coordinate: 32 units of rounding, of which 29 are
+/// needed (see the module's page).
 pub const SKIN: f32 = 32.0 / 16_777_216.0;
 
 /// A planar convex surface with 3 or 4 corners: `origin`, `origin + u`, `origin + v` and, of a parallelogram,
@@ -88,7 +93,7 @@ impl<const N: usize> Rays<N> {
 /// A bounding volume hierarchy of [`Primitive`]s, eight children a node.
 ///
 /// It is the same whatever the number of threads that built it, and so are the answers, bit for bit, whatever the backend.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Bvh8 {
     nodes: Vec<Node>,
     blocks: Vec<Block>,

@@ -41,18 +41,20 @@ impl Node {
 pub(crate) struct Block {
     /// P: the corner that both edges start from.
     pub(crate) origin: [[f32; WIDTH]; 3],
-    /// -U: the first edge, reversed.
+    /// -U / |N|: the first edge, reversed, over the length of N = U x V.
     pub(crate) minus_u: [[f32; WIDTH]; 3],
-    /// V: the second edge.
+    /// V / |N|: the second edge.
     pub(crate) v: [[f32; WIDTH]; 3],
-    /// N = U x V.
+    /// N / |N|.
     pub(crate) normal: [[f32; WIDTH]; 3],
-    /// |U| + |V|.
-    pub(crate) edges: [f32; WIDTH],
-    /// |N|.
-    pub(crate) area: [f32; WIDTH],
-    /// 1 for a triangle, 0 for a parallelogram: u and v are inside up to `max(u, v) + triangle * min(u, v) = 1`.
-    pub(crate) triangle: [f32; WIDTH],
+    /// |U| / |N|.
+    pub(crate) length_u: [f32; WIDTH],
+    /// |V| / |N|.
+    pub(crate) length_v: [f32; WIDTH],
+    /// |U - V| / |N| of a triangle, whose third edge that is; infinity for a parallelogram.
+    pub(crate) length_w: [f32; WIDTH],
+    /// Lower x, y, z, upper x, y, z of each, padded.
+    pub(crate) planes: [[f32; WIDTH]; 6],
     /// Indices of the primitives.
     pub(crate) ids: [u32; WIDTH],
 }
@@ -64,24 +66,28 @@ impl Block {
         minus_u: [[0.0; WIDTH]; 3],
         v: [[0.0; WIDTH]; 3],
         normal: [[0.0; WIDTH]; 3],
-        edges: [0.0; WIDTH],
-        area: [0.0; WIDTH],
-        triangle: [0.0; WIDTH],
+        length_u: [0.0; WIDTH],
+        length_v: [0.0; WIDTH],
+        length_w: [0.0; WIDTH],
+        planes: [[f32::INFINITY; WIDTH]; 6],
         ids: [NONE; WIDTH],
     };
 
     /// Puts a primitive with an area into a lane.
     pub(crate) fn set(&mut self, lane: usize, id: u32, primitive: &Primitive) {
         let normal = normal(primitive);
+        let area = length(&normal);
+        let (u, v) = (primitive.u.map(f64::from), primitive.v.map(f64::from));
         for axis in 0..3 {
             self.origin[axis][lane] = primitive.origin[axis];
-            self.minus_u[axis][lane] = -primitive.u[axis];
-            self.v[axis][lane] = primitive.v[axis];
-            self.normal[axis][lane] = normal[axis] as f32;
+            self.minus_u[axis][lane] = (-u[axis] / area) as f32;
+            self.v[axis][lane] = (v[axis] / area) as f32;
+            self.normal[axis][lane] = (normal[axis] / area) as f32;
         }
-        self.edges[lane] = (length(&primitive.u.map(f64::from)) + length(&primitive.v.map(f64::from))) as f32;
-        self.area[lane] = length(&normal) as f32;
-        self.triangle[lane] = if primitive.parallelogram { 0.0 } else { 1.0 };
+        let third = [u[0] - v[0], u[1] - v[1], u[2] - v[2]];
+        self.length_u[lane] = (length(&u) / area) as f32;
+        self.length_v[lane] = (length(&v) / area) as f32;
+        self.length_w[lane] = if primitive.parallelogram { f32::INFINITY } else { (length(&third) / area) as f32 };
         self.ids[lane] = id;
     }
 }

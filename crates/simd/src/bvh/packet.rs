@@ -136,8 +136,7 @@ struct Packet<'a, L> {
 
 impl<'a, L: Lanes> Packet<'a, L> {
     #[inline(always)]
-    fn new(bvh: &Bvh8, single: &'a Rays<16>) -> Self {
-        let rays = [Ray::half(bvh, single, 0), Ray::half(bvh, single, 1)];
+    fn new(single: &'a Rays<16>, rays: [Ray<L>; 2]) -> Self {
         let one = L::splat(1.0);
         let inverse =
             [three!(axis => one.div(rays[0].direction[axis])), three!(axis => one.div(rays[1].direction[axis]))];
@@ -181,13 +180,6 @@ impl<'a, L: Lanes> Packet<'a, L> {
         L::bits(from.le(to))
     }
 
-    /// Those of `active` that have a length.
-    #[inline(always)]
-    fn valid(&self, active: u32) -> u32 {
-        let some = |half: usize| L::bits(self.rays[half].near.lt(self.rays[half].far));
-        active & (some(0) | some(1) << WIDTH)
-    }
-
     /// The rays that meet the box of child `k`.
     #[inline(always)]
     fn enter(&self, planes: &[[f32; WIDTH]; 6], k: usize) -> u32 {
@@ -207,15 +199,21 @@ impl<'a, L: Lanes> Packet<'a, L> {
         }
         bits
     }
+}
 
-    /// The rays that cross a primitive.
-    #[inline(always)]
-    fn crosses(&self, block: &Block, lane: usize) -> u32 {
-        let surface = Surface::one(block, lane);
-        let low = cross(&self.rays[0], &surface);
-        let high = cross(&self.rays[1], &surface);
-        L::bits(low.mask) | L::bits(high.mask) << WIDTH
-    }
+/// Those of `active` that have a length.
+#[inline(always)]
+fn valid<L: Lanes>(rays: &[Ray<L>; 2], active: u32) -> u32 {
+    active & (L::bits(rays[0].near.lt(rays[0].far)) | L::bits(rays[1].near.lt(rays[1].far)) << WIDTH)
+}
+
+/// The rays that cross a primitive.
+#[inline(always)]
+fn crosses<L: Lanes>(rays: &[Ray<L>; 2], block: &Block, lane: usize) -> u32 {
+    let surface = Surface::one(block, lane);
+    let low = cross(&rays[0], &surface);
+    let high = cross(&rays[1], &surface);
+    L::bits(low.mask) | L::bits(high.mask) << WIDTH
 }
 
 #[inline(always)]
@@ -226,11 +224,23 @@ fn eight_mut(values: &mut [f32; 16], half: usize) -> &mut [f32; WIDTH] {
 /// What a walk does with the primitives it comes to.
 trait Visit<L: Lanes> {
     /// Tests a block with those `rays` that enter its box; answers the rays of all that go on.
-    fn visit(&mut self, packet: &Packet<'_, L>, block: &Block, count: usize, opaque: u32, rays: u32, live: u32) -> u32;
+    #[allow(clippy::too_many_arguments)]
+    fn visit(
+        &mut self,
+        packet: &Packet<'_, L>,
+        hull: &Hull,
+        block: &Block,
+        count: usize,
+        opaque: u32,
+        rays: u32,
+        live: u32,
+    ) -> u32;
 }
 
-const LONE: u32 = 4;
-const FEW: u32 = 1;
+/// Up to this many rays, each is tested against all eight boxes or primitives; what more rays do depends on how many of
+/// the eight the packet's hull meets. 1 to 8 differ by less than a tenth (bench `rays`).
+const FEW: u32 = 4;
+
 /// Walks the hierarchy with the rays of `live`.
 #[inline(always)]
 fn walk<L: Lanes>(bvh: &Bvh8, packet: &Packet<'_, L>, mut live: u32, visitor: &mut impl Visit<L>) {
@@ -244,10 +254,9 @@ fn walk<L: Lanes>(bvh: &Bvh8, packet: &Packet<'_, L>, mut live: u32, visitor: &m
     loop {
         let node = &bvh.nodes[at as usize];
         let mut inside_of = [0_u32; WIDTH];
-        let mut hits;
         let count = rays.count_ones();
-        hits = if count <= LONE { node.present } else { hull.meets::<L>(&node.planes) & node.present };
-        if count <= LONE || count <= FEW * hits.count_ones() {
+        let mut hits = if count <= FEW { node.present } else { hull.meets::<L>(&node.planes) & node.present };
+        if count <= FEW.max(hits.count_ones()) {
             let mut left = rays;
             let met = hits;
             hits = 0;
@@ -279,8 +288,15 @@ fn walk<L: Lanes>(bvh: &Bvh8, packet: &Packet<'_, L>, mut live: u32, visitor: &m
             let child = node.children[k];
             if child & LEAF != 0 {
                 let block = &bvh.blocks[(child & !LEAF) as usize];
-                live =
-                    visitor.visit(packet, block, usize::from(node.counts[k]), u32::from(node.opaque[k]), inside, live);
+                live = visitor.visit(
+                    packet,
+                    &hull,
+                    block,
+                    usize::from(node.counts[k]),
+                    u32::from(node.opaque[k]),
+                    inside,
+                    live,
+                );
                 if live == 0 {
                     return;
                 }
@@ -315,13 +331,16 @@ impl<L: Lanes> Visit<L> for Blocked {
     fn visit(
         &mut self,
         packet: &Packet<'_, L>,
+        hull: &Hull,
         block: &Block,
         _: usize,
         opaque: u32,
         mut rays: u32,
         mut live: u32,
     ) -> u32 {
-        if rays.count_ones() <= 2 * opaque.count_ones() {
+        let count = rays.count_ones();
+        let mut left = if count <= FEW { opaque } else { opaque & hull.meets::<L>(&block.planes) };
+        if count <= 2 * left.count_ones() {
             let surface = Surface::all(block);
             while rays != 0 {
                 let ray = rays.trailing_zeros();
@@ -335,11 +354,10 @@ impl<L: Lanes> Visit<L> for Blocked {
             }
             return live;
         }
-        let mut left = opaque;
         while left != 0 {
             let lane = left.trailing_zeros() as usize;
             left &= left - 1;
-            let hit = packet.crosses(block, lane) & rays;
+            let hit = crosses(&packet.rays, block, lane) & rays;
             if hit != 0 {
                 self.bits |= hit;
                 self.last = block.ids[lane % WIDTH];
@@ -356,15 +374,17 @@ impl<L: Lanes> Visit<L> for Blocked {
 
 #[inline(always)]
 fn blocked_body<L: Lanes>(bvh: &Bvh8, rays: &Rays<16>, active: u32, last: &mut u32) -> u32 {
-    let packet = Packet::<L>::new(bvh, rays);
-    let mut live = packet.valid(active & 0xffff);
+    let pair = [Ray::<L>::half(bvh, rays, 0), Ray::half(bvh, rays, 1)];
+    let mut live = valid(&pair, active & 0xffff);
     let mut found = Blocked { bits: 0, last: *last };
     if let Some((block, lane)) = bvh.opaque_place(*last) {
-        found.bits = packet.crosses(block, lane) & live;
+        found.bits = crosses(&pair, block, lane) & live;
         live &= !found.bits;
     }
-    walk(bvh, &packet, live, &mut found);
-    *last = found.last;
+    if live != 0 {
+        walk(bvh, &Packet::new(rays, pair), live, &mut found);
+        *last = found.last;
+    }
     found.bits
 }
 dispatch!(fn blocked(bvh: &Bvh8, rays: &Rays<16>, active: u32, last: &mut u32) -> u32 = blocked_body);
@@ -386,9 +406,29 @@ struct Passed<'a, F> {
 
 impl<L: Lanes, F: Filter> Visit<L> for Passed<'_, F> {
     #[inline(always)]
-    fn visit(&mut self, packet: &Packet<'_, L>, block: &Block, count: usize, opaque: u32, rays: u32, live: u32) -> u32 {
+    fn visit(
+        &mut self,
+        packet: &Packet<'_, L>,
+        hull: &Hull,
+        block: &Block,
+        count: usize,
+        opaque: u32,
+        rays: u32,
+        live: u32,
+    ) -> u32 {
         let mut blocked = 0;
-        for lane in 0..count.min(WIDTH) {
+        let number = rays.count_ones();
+        let mut left = (1 << count) - 1;
+        if number > FEW {
+            left &= hull.meets::<L>(&block.planes);
+        }
+        if number <= 2 * left.count_ones() {
+            blocked = self.one_by_one(packet, block, opaque, left, rays);
+            left = 0;
+        }
+        while left != 0 {
+            let lane = left.trailing_zeros() as usize % WIDTH;
+            left &= left - 1;
             let surface = Surface::one(block, lane);
             for half in 0..2 {
                 let crossing = cross(&packet.rays[half], &surface);
@@ -414,6 +454,46 @@ impl<L: Lanes, F: Filter> Visit<L> for Passed<'_, F> {
 }
 
 impl<F: Filter> Passed<'_, F> {
+    /// Each ray against all primitives; answers the rays that are stopped.
+    #[inline(always)]
+    fn one_by_one<L: Lanes>(
+        &mut self,
+        packet: &Packet<'_, L>,
+        block: &Block,
+        opaque: u32,
+        lanes: u32,
+        mut rays: u32,
+    ) -> u32 {
+        let surface = Surface::all(block);
+        let mut stopped = 0;
+        while rays != 0 {
+            let ray = rays.trailing_zeros() as usize % 16;
+            rays &= rays - 1;
+            let crossing = cross(&packet.ray(ray), &surface);
+            let mut hit = L::bits(crossing.mask) & lanes;
+            if hit & opaque != 0 {
+                stopped |= 1 << ray;
+                self.last = block.ids[(hit & opaque).trailing_zeros() as usize % WIDTH];
+                continue;
+            }
+            if hit == 0 {
+                continue;
+            }
+            let (mut u, mut v) = ([0.0; WIDTH], [0.0; WIDTH]);
+            crossing.u.div(crossing.det).store(&mut u);
+            crossing.v.div(crossing.det).store(&mut v);
+            while hit != 0 {
+                let lane = hit.trailing_zeros() as usize % WIDTH;
+                hit &= hit - 1;
+                self.share[ray] *= self.filter.passes(block.ids[lane], u[lane], v[lane]);
+            }
+            if self.share[ray] <= 0.0 {
+                stopped |= 1 << ray;
+            }
+        }
+        stopped
+    }
+
     /// Asks the filter for the rays that hit; answers those that it stops.
     #[inline(always)]
     fn pass<L: Lanes>(&mut self, id: u32, crossing: &Crossing<L>, mut hit: u32, half: usize) -> u32 {
@@ -442,11 +522,11 @@ fn transmittance_body<L: Lanes, F: Filter>(
     last: &mut u32,
     filter: &F,
 ) -> [f32; 16] {
-    let packet = Packet::<L>::new(bvh, rays);
-    let mut live = packet.valid(active & 0xffff);
+    let pair = [Ray::<L>::half(bvh, rays, 0), Ray::half(bvh, rays, 1)];
+    let mut live = valid(&pair, active & 0xffff);
     let mut found = Passed { share: [1.0; 16], last: *last, filter };
     if let Some((block, lane)) = bvh.opaque_place(*last) {
-        let hit = packet.crosses(block, lane) & live;
+        let hit = crosses(&pair, block, lane) & live;
         for ray in 0..16 {
             if hit >> ray & 1 != 0 {
                 found.share[ray] = 0.0;
@@ -454,11 +534,12 @@ fn transmittance_body<L: Lanes, F: Filter>(
         }
         live &= !hit;
     }
-    walk(bvh, &packet, live, &mut found);
-    *last = found.last;
+    if live != 0 {
+        walk(bvh, &Packet::new(rays, pair), live, &mut found);
+        *last = found.last;
+    }
     found.share
 }
-
 dispatch!(fn transmittance<F: Filter>(
     bvh: &Bvh8, rays: &Rays<16>, active: u32, last: &mut u32, filter: &F,
 ) -> [f32; 16] = transmittance_body);

@@ -14,8 +14,8 @@ use std::mem::MaybeUninit;
 
 /// Most corners of a polygon.
 const CORNERS: usize = 4;
-/// Most planes of a hull: two of the polygons, and of each pair of an edge and a corner one.
-const PLANES: usize = 2 + 2 * CORNERS * CORNERS;
+/// Most planes of a hull: two of the polygons and one of each edge, or twice as many of a flat hull.
+const PLANES: usize = 2 * (2 + 2 * CORNERS);
 /// Sine below which an edge and a corner span no plane: a hundred times what rounding the corners of a patch of the scene's
 /// size leaves of it, so that the direction is good to a hundredth.
 const SPAN: f32 = 1e-4;
@@ -35,11 +35,51 @@ fn dot<L: Lanes>(a: [L; 3], b: [L; 3]) -> L {
     a[0].mul(b[0]).add(a[1].mul(b[1])).add(a[2].mul(b[2]))
 }
 
+#[inline(always)]
+fn cross3<L: Lanes>(a: [L; 3], b: [L; 3]) -> [L; 3] {
+    [a[1].mul(b[2]).sub(a[2].mul(b[1])), a[2].mul(b[0]).sub(a[0].mul(b[2])), a[0].mul(b[1]).sub(a[1].mul(b[0]))]
+}
+
 /// A polygon's corners, the last repeated where there are three.
 #[inline(always)]
 fn four(polygon: &[[f32; 3]]) -> [[f32; 3]; CORNERS] {
     let last = polygon.len().min(CORNERS).saturating_sub(1);
     [polygon[0], polygon[last.min(1)], polygon[last.min(2)], polygon[last]]
+}
+
+/// Eight primitives as what they span.
+struct Shape<L: Lanes> {
+    origin: [L; 3],
+    u: [L; 3],
+    v: [L; 3],
+    triangle: L::Mask,
+}
+
+impl<L: Lanes> Shape<L> {
+    #[inline(always)]
+    fn new(block: &Block) -> Self {
+        let (u, v) = (three!(axis => L::load(&block.minus_u[axis])), three!(axis => L::load(&block.v[axis])));
+        // The block's edges are over |N|: their product is 1 / |N|. A lane without a primitive is not looked at.
+        let normal = cross3(v, u);
+        let area = L::splat(1.0).div(dot(normal, normal).sqrt());
+        Shape {
+            origin: three!(axis => L::load(&block.origin[axis])),
+            u: three!(axis => u[axis].neg().mul(area)),
+            v: three!(axis => v[axis].mul(area)),
+            triangle: L::load(&block.length_w).lt(L::splat(f32::INFINITY)),
+        }
+    }
+
+    /// The least and the largest `normal . x` of the corners.
+    #[inline(always)]
+    fn range(&self, normal: &[f32; 4]) -> (L, L) {
+        let normal = [L::splat(normal[0]), L::splat(normal[1]), L::splat(normal[2])];
+        let (p, u, v) = (dot(normal, self.origin), dot(normal, self.u), dot(normal, self.v));
+        let fourth = L::select(self.triangle, L::splat(0.0), u.add(v));
+        let least = u.min(v).min(fourth).min(L::splat(0.0));
+        let most = u.max(v).max(fourth).max(L::splat(0.0));
+        (p.add(least), p.add(most))
+    }
 }
 
 impl Shaft {
@@ -50,9 +90,9 @@ impl Shaft {
             a[0][axis], a[1][axis], a[2][axis], a[3][axis], b[0][axis], b[1][axis], b[2][axis], b[3][axis],
         ]);
         let mut shaft = Shaft { planes: [[0.0; 4]; PLANES], count: 0, corners, lo: [0.0; 3], hi: [0.0; 3] };
-        for axis in 0..3 {
+        for (axis, corners) in corners.iter().enumerate() {
             let (mut lo, mut hi) = (f32::INFINITY, f32::NEG_INFINITY);
-            for &x in &corners[axis] {
+            for &x in corners {
                 lo = if x < lo { x } else { lo };
                 hi = if x > hi { x } else { hi };
             }
@@ -61,17 +101,9 @@ impl Shaft {
         // A plane is the hull's if no corner is beyond it: by no more than the corners' own rounding.
         let slack = SKIN * bvh.scale;
         // Lanes: the two polygons' planes.
-        let normal = three!(axis => {
-            let mut values = [0.0; WIDTH];
-            (values[0], values[1]) = (plane_a[axis], plane_b[axis]);
-            L::load(&values)
-        });
-        let base = three!(axis => {
-            let mut values = [0.0; WIDTH];
-            (values[0], values[1]) = (a[0][axis], b[0][axis]);
-            L::load(&values)
-        });
-        shaft.add::<L>(normal, base, slack, 0b11);
+        let normal = three!(axis => L::load(&[plane_a[axis], 0.0, 0.0, 0.0, plane_b[axis], 0.0, 0.0, 0.0]));
+        let base = three!(axis => L::load(&[a[0][axis], 0.0, 0.0, 0.0, b[0][axis], 0.0, 0.0, 0.0]));
+        shaft.add::<L>(normal, base, slack, 0b1_0001);
         // Lanes: two edges of one polygon with four corners of the other.
         for (edges, ends) in [(&a, &b), (&b, &a)] {
             for pair in [0, 2] {
@@ -90,11 +122,7 @@ impl Shaft {
                 let base = three!(axis => L::load(&p[axis]));
                 let e = three!(axis => L::load(&q[axis]).sub(base[axis]));
                 let f = three!(axis => L::load(&r[axis]).sub(base[axis]));
-                let n = [
-                    e[1].mul(f[2]).sub(e[2].mul(f[1])),
-                    e[2].mul(f[0]).sub(e[0].mul(f[2])),
-                    e[0].mul(f[1]).sub(e[1].mul(f[0])),
-                ];
+                let n = cross3(e, f);
                 let square = dot(n, n);
                 let spans = L::splat(SPAN * SPAN).mul(dot(e, e)).mul(dot(f, f)).lt(square);
                 let length = square.sqrt();
@@ -117,21 +145,22 @@ impl Shaft {
         let above = L::bits(most.le(L::splat(slack))) & valid;
         let below = L::bits(L::splat(-slack).le(least)) & valid;
         let offset = dot(normal, base);
-        let mut numbers = [[0.0; WIDTH]; 5];
-        normal[0].store(&mut numbers[0]);
-        normal[1].store(&mut numbers[1]);
-        normal[2].store(&mut numbers[2]);
-        offset.add(most).store(&mut numbers[3]);
-        offset.add(least).store(&mut numbers[4]);
-        for k in 0..WIDTH {
-            let n = three!(axis => numbers[axis][k]);
-            if above >> k & 1 != 0 && self.count < PLANES {
-                self.planes[self.count] = [n[0], n[1], n[2], numbers[3][k]];
-                self.count += 1;
-            }
-            if below >> k & 1 != 0 && self.count < PLANES {
-                self.planes[self.count] = [-n[0], -n[1], -n[2], -numbers[4][k]];
-                self.count += 1;
+        let mut normals = [[0.0; WIDTH]; 3];
+        for (axis, lanes) in normal.into_iter().enumerate() {
+            lanes.store(&mut normals[axis]);
+        }
+        let (mut upper, mut lower) = ([0.0; WIDTH], [0.0; WIDTH]);
+        offset.add(most).store(&mut upper);
+        offset.add(least).store(&mut lower);
+        for (bits, sign, offsets) in [(above, 1.0, &upper), (below, -1.0, &lower)] {
+            // Of one edge's corners, those on one side that bound the hull bound it alike.
+            for group in [bits & 0x0f, bits & 0xf0] {
+                if group != 0 && self.count < PLANES {
+                    let k = group.trailing_zeros() as usize % WIDTH;
+                    self.planes[self.count] =
+                        [sign * normals[0][k], sign * normals[1][k], sign * normals[2][k], sign * offsets[k]];
+                    self.count += 1;
+                }
             }
         }
     }
@@ -139,17 +168,17 @@ impl Shaft {
     /// The children whose boxes may reach into the hull.
     #[inline(always)]
     fn meets<L: Lanes>(&self, node: &Node) -> u32 {
-        let boxes = [0, 1, 2, 3, 4, 5].map(|k| L::load(&node.planes[k]));
+        let (lo, hi) = (three!(axis => L::load(&node.planes[axis])), three!(axis => L::load(&node.planes[axis + 3])));
         let mut inside = L::mask(0xff);
         for axis in 0..3 {
-            inside = L::and(inside, boxes[axis].le(L::splat(self.hi[axis])));
-            inside = L::and(inside, L::splat(self.lo[axis]).le(boxes[axis + 3]));
+            inside = L::and(inside, lo[axis].le(L::splat(self.hi[axis])));
+            inside = L::and(inside, L::splat(self.lo[axis]).le(hi[axis]));
         }
         for plane in &self.planes[..self.count] {
             // The box's corner that is farthest inside.
-            let x = boxes[if plane[0] < 0.0 { 3 } else { 0 }].mul(L::splat(plane[0]));
-            let y = boxes[if plane[1] < 0.0 { 4 } else { 1 }].mul(L::splat(plane[1]));
-            let z = boxes[if plane[2] < 0.0 { 5 } else { 2 }].mul(L::splat(plane[2]));
+            let x = if plane[0] < 0.0 { hi[0] } else { lo[0] }.mul(L::splat(plane[0]));
+            let y = if plane[1] < 0.0 { hi[1] } else { lo[1] }.mul(L::splat(plane[1]));
+            let z = if plane[2] < 0.0 { hi[2] } else { lo[2] }.mul(L::splat(plane[2]));
             inside = L::and(inside, x.add(y).add(z).lt(L::splat(plane[3])));
             if L::bits(inside) == 0 {
                 break;
@@ -161,23 +190,11 @@ impl Shaft {
     /// The primitives that may reach into the hull by more than `tolerance`, and do not lie in one of the two planes.
     #[inline(always)]
     fn holds<L: Lanes>(&self, block: &Block, tolerance: f32, plane_a: [f32; 4], plane_b: [f32; 4]) -> u32 {
-        let zero = L::splat(0.0);
         let tolerance = L::splat(tolerance);
-        let p = three!(axis => L::load(&block.origin[axis]));
-        let u = three!(axis => L::load(&block.minus_u[axis]).neg());
-        let v = three!(axis => L::load(&block.v[axis]));
-        let triangle = L::splat(0.0).lt(L::load(&block.triangle));
-        // The range of `normal . x` over a primitive's corners.
-        let range = |normal: [L; 3]| {
-            let (p, u, v) = (dot(normal, p), dot(normal, u), dot(normal, v));
-            let fourth = L::select(triangle, zero, u.add(v));
-            let least = u.min(v).min(fourth).min(zero);
-            let most = u.max(v).max(fourth).max(zero);
-            (p.add(least), p.add(most))
-        };
+        let shape = Shape::<L>::new(block);
         let mut inside = L::mask(0xff);
         for plane in &self.planes[..self.count] {
-            let (least, _) = range([L::splat(plane[0]), L::splat(plane[1]), L::splat(plane[2])]);
+            let (least, _) = shape.range(plane);
             inside = L::and(inside, least.lt(L::splat(plane[3]).sub(tolerance)));
         }
         let mut inside = L::bits(inside);
@@ -185,7 +202,7 @@ impl Shaft {
             return 0;
         }
         for plane in [plane_a, plane_b] {
-            let (least, most) = range([L::splat(plane[0]), L::splat(plane[1]), L::splat(plane[2])]);
+            let (least, most) = shape.range(&plane);
             let offset = L::splat(plane[3]);
             let lies = L::and(offset.sub(tolerance).le(least), most.le(offset.add(tolerance)));
             inside &= !L::bits(lies);
@@ -194,12 +211,11 @@ impl Shaft {
         let normal = three!(axis => L::load(&block.normal[axis]));
         let (mut least, mut most) = (L::splat(f32::INFINITY), L::splat(f32::NEG_INFINITY));
         for k in 0..2 * CORNERS {
-            let height = dot(normal, three!(axis => L::splat(self.corners[axis][k]).sub(p[axis])));
+            let height = dot(normal, three!(axis => L::splat(self.corners[axis][k]).sub(shape.origin[axis])));
             least = height.min(least);
             most = height.max(most);
         }
-        let reach = L::load(&block.area).mul(tolerance);
-        inside & !L::bits(L::or(most.le(reach), reach.neg().le(least)))
+        inside & !L::bits(L::or(most.le(tolerance), tolerance.neg().le(least)))
     }
 }
 
@@ -255,7 +271,10 @@ dispatch!(fn clear_between(
 #[inline(always)]
 fn blocks_all_body<L: Lanes>(bvh: &Bvh8, place: u32, a: &[[f32; 3]], b: &[[f32; 3]], tolerance: f32) -> bool {
     let block = &bvh.blocks[place as usize / WIDTH];
-    let surface = Surface::one(block, place as usize % WIDTH);
+    let mut surface = Surface::<L>::one(block, place as usize % WIDTH);
+    // The reach below is negative; a parallelogram has no third edge to be inside of.
+    let infinity = L::splat(f32::INFINITY);
+    surface.length_w = L::select(surface.length_w.lt(infinity), surface.length_w, infinity.neg());
     let (a, b) = (four(a), four(b));
     // Lanes: two corners of one polygon with four of the other.
     for pair in [0, 2] {
@@ -271,8 +290,7 @@ fn blocks_all_body<L: Lanes>(bvh: &Bvh8, place: u32, a: &[[f32; 3]], b: &[[f32; 
         let mut ray = Ray::new(bvh, origin, direction, L::splat(0.0), L::splat(1.0));
         // Well inside the outline, where a query's rule asks for less than well outside.
         ray.skin = ray.skin.max(L::splat(tolerance));
-        let length = direction[0].abs().add(direction[1].abs()).add(direction[2].abs());
-        ray.reach = ray.skin.mul(length).neg();
+        ray.reach = ray.skin.mul(dot(direction, direction).sqrt()).neg();
         if L::bits(cross(&ray, &surface).mask) != 0xff {
             return false;
         }
