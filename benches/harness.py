@@ -1,12 +1,13 @@
-"""What the measuring scripts share: scenes and stored references in, errors at points and costs of processes out.
+"""What the measuring scripts share: scenes and references in, errors at points and costs of processes out.
 
 Left to others: making references (`references/make.py`), and solving, which happens in processes that are
-started here so that seconds and peak memory are those of a whole process. Needs NumPy only.
+started here so that their cost is that of a whole process. Needs NumPy only.
 """
 
 from __future__ import annotations
 
 import contextlib
+import csv
 import json
 import math
 import os
@@ -167,7 +168,7 @@ class Case:
 
 
 def generated(name: str, folder: Path, triangles: int | None = None) -> Path:
-    """A large scene as a file in `folder`: NAME at the size of its reference, or of about so many triangles."""
+    """A large scene as a file in `folder`, at the size of its reference or of about so many triangles."""
     import large  # noqa: PLC0415 (beside the scenes, and wanted by some runs only)
 
     path = folder / f"{name}.glb"
@@ -201,16 +202,16 @@ def chosen(names: Sequence[str] | None, yardstick: Path | None = None) -> list[C
 def scores(reference: Reference, irradiance: Floats) -> dict[str, float]:
     """Errors over points and channels; points lie area-weighted, so a plain mean is a surface mean.
 
-    rms: sqrt(mean(d^2 - se^2)) / mean E, the reference's noise taken out in quadrature. dark: the same over the
-    half of the points with the least E, relative to that half's mean (nan where that is 0). bias: mean d / mean
-    E. p95: 95th percentile of abs(d) / mean E. leak: RMS of what arrives where the reference is exactly 0, over
-    mean E (nan where there is no such point). missing: points without a finite value, taken for 0.
+    rms: sqrt(mean(d^2 - se^2)) / mean E, the reference's noise taken out in quadrature. dark: the same over
+    the half of the points with the least E, relative to that half's mean (nan where that is 0). bias: mean d
+    / mean E. p95: 95th percentile of abs(d) / mean E. leak: RMS of what arrives where the reference is exactly
+    0, over mean E (nan where there is no such point). missing: points without a finite value, taken for 0.
     """
     missing = ~np.isfinite(irradiance).all(axis=1)
     d = np.where(missing[:, None], 0.0, irradiance) - reference.irradiance
     mean = float(reference.irradiance.mean())
     brightness = reference.irradiance.mean(axis=1)
-    dark = brightness <= np.median(brightness)
+    dark = np.asarray(brightness <= np.median(brightness))
     black = (reference.irradiance == 0).all(axis=1) & (reference.error == 0).all(axis=1)
     return {
         "rms": _rms(d, reference.error, mean),
@@ -239,7 +240,7 @@ class Run:
 
 
 def child(command: Sequence[str | Path], timeout: float, threads: int) -> Run:
-    """Runs a process that prints one JSON value; kills it, and all that it started, after `timeout` seconds."""
+    """Runs a process that prints one JSON value; kills it, and what it started, after `timeout` seconds."""
     count = str(threads)
     environment = {**os.environ, **ONE_THREAD, "OMP_NUM_THREADS": count, "RAYON_NUM_THREADS": count}
     start = time.perf_counter()
@@ -266,18 +267,11 @@ def child(command: Sequence[str | Path], timeout: float, threads: int) -> Run:
     return Run(json.loads(told.splitlines()[-1]), seconds)
 
 
-def peak_megabytes() -> float:
-    """Peak memory of this process, MB; not what the process that started it held, as getrusage would have it."""
-    for line in Path("/proc/self/status").read_text().splitlines():
-        if line.startswith("VmHWM:"):
-            return int(line.split()[1]) * 1024 / 1e6
-    return math.nan
-
-
 class Shown(Protocol):
     """How a value of a column is shown."""
 
-    def __call__(self, value: Any, /) -> str: ...  # noqa: ANN401
+    def __call__(self, value: Any, /) -> str:  # noqa: ANN401
+        """Text of a value, which is None where there is none."""
 
 
 def share(value: float | None) -> str:
@@ -292,19 +286,25 @@ def number(value: float | None) -> str:
     return f"{value:,.0f}" if abs(value) >= 100 or value == int(value) else f"{value:.3g}"
 
 
+def line(row: Mapping[str, Any], columns: Mapping[str, Shown]) -> str:
+    """A line of a table."""
+    return "| " + " | ".join(show(row.get(name)) for name, show in columns.items()) + " |"
+
+
 def markdown(rows: Sequence[Mapping[str, Any]], columns: Mapping[str, Shown]) -> str:
     """A table of these columns."""
-    lines = ["| " + " | ".join(columns) + " |", "|---" * len(columns) + "|"]
-    lines += ["| " + " | ".join(show(row.get(name)) for name, show in columns.items()) + " |" for row in rows]
-    return "\n".join(lines)
+    heads = ["| " + " | ".join(columns) + " |", "|---" * len(columns) + "|"]
+    return "\n".join([*heads, *(line(row, columns) for row in rows)])
 
 
-def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Rows as CSV, with the keys of all of them."""
-    import csv  # noqa: PLC0415 (wanted by some runs only)
-
-    names = list(dict.fromkeys(name for row in rows for name in row))
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, names)
-        writer.writeheader()
-        writer.writerows(rows)
+def store(rows: Sequence[Mapping[str, Any]], table: Path | None, document: Path | None) -> None:
+    """Rows as CSV, with the columns of all of them, and as JSON, where a file is named."""
+    if table is not None:
+        names = list(dict.fromkeys(name for row in rows for name in row))
+        with table.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.DictWriter(file, names)
+            writer.writeheader()
+            writer.writerows(rows)
+    if document is not None:
+        plain = [{k: None if v != v else v for k, v in row.items()} for row in rows]  # nan is no JSON
+        document.write_text(json.dumps(plain, indent=1) + "\n", encoding="utf-8")

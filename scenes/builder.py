@@ -432,7 +432,7 @@ class Scene:
         return document
 
     def write(self, script: Path | None = None, **more: Any) -> None:
-        """Writes NAME.glb and NAME.json (facts and `more`) beside `script`, by default NAME.py beside this module."""
+        """Writes NAME.glb and NAME.json (facts and `more`) beside `script`, or NAME.py beside this module."""
         script = script or Path(__file__).with_name(f"{self.name}.py")
         folder = script.parent
         (folder / f"{self.name}.glb").write_bytes(b"".join(self.to_gltf().save_to_bytes()))

@@ -45,8 +45,8 @@ def main() -> None:
         scene.add(f"{name} lamp", lamp)
     # Pictures stand out by 3 cm: on the north wall, on the partitions and on the south wall.
     walls = (
-        (0.0, 1.0, (1.6, 3.6, 5.6)), (LEGS[0] + THICK, 1.0, (1.2, 3.4, 5.6)), (LEGS[1], -1.0, (3.0, 5.2, 7.4)),
-        (SOUTH, -1.0, (2.0, 4.2, 6.4)),
+        (0.0, 1.0, (1.6, 3.6, 5.6)), (LEGS[0] + THICK, 1.0, (1.2, 3.4, 5.6)),
+        (LEGS[1], -1.0, (3.0, 5.2, 7.4)), (SOUTH, -1.0, (2.0, 4.2, 6.4)),
     )  # fmt: skip
     for row, (z, out, xs) in enumerate(walls):
         for column, x in enumerate(xs):

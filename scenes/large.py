@@ -27,7 +27,7 @@ Colour = tuple[float, float, float]
 BLACK: Colour = (0.0, 0.0, 0.0)
 
 GENERATOR = "isolux scenes"
-# Sizes at which references were made: the objects of the figures to beat, and a city that is solved in seconds.
+# Sizes at which references were made.
 SIZES = {"objects": 101_000, "city": 10_000}
 # glTF 2.0, sections 3.6.2 and 4.4.
 FLOAT, UNSIGNED_INT, VERTICES, INDICES = 5126, 5125, 34962, 34963
@@ -36,7 +36,7 @@ GLTF, JSON, BIN = 0x46546C67, 0x4E4F534A, 0x004E4942
 
 @dataclass
 class Part:
-    """A named thing of one material: vertices in metres, triangles counter-clockwise seen from the lit side."""
+    """A named thing of one material: vertices in metres, triangles counter-clockwise from the lit side."""
 
     name: str
     reflectance: Colour
@@ -225,7 +225,7 @@ def rectangle(*corners: Colour) -> tuple[Floats, Ints]:
 
 
 def objects(triangles: int) -> Large:
-    """A closed room, 6 m x 3 m x 5 m, with a ceiling lamp, three spheres, a ring, a trefoil knot and a cloth."""
+    """A closed room, 6 m x 3 m x 5 m: a ceiling lamp, three spheres, a ring, a trefoil knot and a cloth."""
     scene = Large("objects")
     shell, faces = boxes(np.array([0.0, 0, 0]), np.array([6.0, 3, 5]), inward=True)
     paints: dict[str, tuple[Colour, Ints]] = {
@@ -234,7 +234,9 @@ def objects(triangles: int) -> Large:
         "white walls": ((0.75, 0.74, 0.72), faces[8:12]),
     }  # fmt: skip
     for name, (paint, rows) in paints.items():
-        scene.add(name, paint, (shell[np.unique(rows)], np.unique(rows, return_inverse=True)[1].reshape(-1, 3)))
+        scene.add(
+            name, paint, (shell[np.unique(rows)], np.unique(rows, return_inverse=True)[1].reshape(-1, 3))
+        )
     body, sides = boxes(np.array([2.4, 2.92, 2.1]), np.array([3.6, 3.0, 2.9]))
     glow, hidden = sides[4:6], 4  # facing down; the top, which touches the ceiling, is left out
     scene.add("lamp body", (0.5, 0.5, 0.5), (body, np.concatenate([sides[:hidden], sides[8:]])))

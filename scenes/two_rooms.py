@@ -57,9 +57,7 @@ def main() -> None:
         gloss, (back, 0, DOOR_NORTH + SLIT), (back + LEAF, DOOR_TOP, DOOR_SOUTH), {"-y", "+y", "+z"}
     )
     scene.add("door", leaf)
-    lamp = Mesh().box(
-        gloss, (1.5, HEIGHT - 0.09, 1.3), (2.3, HEIGHT, 1.7), omit={"+y"}, other={"-y": glass}
-    )
+    lamp = Mesh().box(gloss, (1.5, HEIGHT - 0.09, 1.3), (2.3, HEIGHT, 1.7), omit={"+y"}, other={"-y": glass})
     scene.add("ceiling lamp", lamp)
     scene.add("table", table(pine, (0.5, 0, 2.1), (1.9, 0.74, 2.9)))
     scene.add("box on the floor", Mesh().box(red, (2.9, 0, 0.25), (3.4, 0.45, 0.75), omit={"-y"}))

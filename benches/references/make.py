@@ -33,7 +33,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-import harness  # noqa: E402
+import harness
 
 POINTS = 2000
 #: Directions per point and batch: a batch is one launch of about a million paths, which fits in memory.
@@ -44,12 +44,12 @@ LEAST = 16
 ROULETTE, LONGEST = 3, 0.95
 #: Share of the directions that aim at a slit; any share between 0 and 1 is unbiased.
 AIMED = 0.3
-#: Distance that origins keep from their surface, per metre of their largest coordinate: 80 roundings of 32-bit
-#: floats (2^-23 each), which is a hundredth of a millimetre in a room.
+#: Distance that origins keep from their surface, per metre of their largest coordinate: 80 roundings of
+#: 32-bit floats (2^-23 each), which is a hundredth of a millimetre in a room.
 CLEARANCE = 1e-5
 #: Irradiance over the mean that rounding at edges may let through where geometry says 0.
 LARGEST_BLACK = 1e-4
-#: Distance before a front at which a place is looked up in a scene's `black`, metres (`scenes/leaks/make.py`).
+#: Distance before a front at which a place is looked up in a scene's `black`, metres (scenes/leaks/make.py).
 BEFORE = 1e-3
 #: Scenes, stored and generated. What is known exactly (`furnace`) is stored as it is known.
 STORED = ("room", "two_rooms", "gallery", "lamps", "corridor", "cornell", "furnace")
@@ -60,7 +60,7 @@ GOLDEN = 1.1347241384015194
 
 
 def sample_points(surfaces: harness.Surfaces, seed: int) -> tuple[harness.Ints, harness.Floats]:
-    """Faces and barycentric coordinates of area-weighted points, one in each of as many strata of equal area."""
+    """Faces and barycentric coordinates of points, one in each of as many strata of equal area."""
     draw = np.random.default_rng(seed)
     ends = np.cumsum(surfaces.areas)
     at = (np.arange(POINTS) + draw.random(POINTS)) / POINTS * ends[-1]
@@ -191,7 +191,7 @@ class Tracer:
         dr.eval(sums)
         return np.stack([np.array(channel, float) for channel in sums], axis=1)
 
-    def _bounce(  # noqa: PLR0913
+    def _bounce(
         self, depth: Any, active: Any, place: Any, normal: Any, weight: Any, light: Any, generator: Any,  # noqa: ANN401
         pick: Any, a: Any, b: Any, c: Any, d: Any,  # noqa: ANN401
     ) -> tuple[Any, ...]:  # fmt: skip
@@ -326,13 +326,20 @@ def make(name: str, seconds: float, target: float, batches: int | None) -> None:
     )  # fmt: skip
     brightness = mean.mean(axis=1)
     dark = brightness <= np.median(brightness)
-    noise, level = (float(np.sqrt((error[rows] ** 2).mean())) for rows in (slice(None), dark)), mean[dark].mean()
-    whole, half = noise
-    print(
-        f"| `{name}` | {len(surfaces.triangles):,} | {mean.mean():,.4g} | {level:,.4g} | {100 * whole / mean.mean():.2f} % "
-        f"| {f'{100 * half / level:.2f} %' if level > 0 else '-'} | {black.sum()} | {done * PATHS:,} | {spent:.0f} |",
-        flush=True,
-    )
+    whole, half = (float(np.sqrt((error[rows] ** 2).mean())) for rows in (slice(None), dark))
+    level = float(mean[dark].mean())
+    columns = [
+        f"`{name}`",
+        f"{len(surfaces.triangles):,}",
+        f"{mean.mean():,.4g}",
+        f"{100 * whole / mean.mean():.2f} %",
+        f"{level:,.4g}",
+        f"{100 * half / level:.2f} %" if level > 0 else "-",
+        f"{black.sum()}",
+        f"{done * PATHS:,}",
+        f"{spent:.0f}",
+    ]
+    print("| " + " | ".join(columns) + " |", flush=True)
 
 
 def check() -> None:
@@ -354,11 +361,9 @@ def check() -> None:
         value, spread = mean[~covered, 0] * (1 - rho), error[~covered, 0] * (1 - rho)
         z = (value - 1) / np.maximum(spread, 1e-7)
         deviation = math.sqrt(float((spread**2).sum())) / len(value)
-        print(
-            f"| `{name}` | {rho} | {value.mean() - 1:+.1e} | {deviation:.1e} | {math.sqrt((z**2).mean()):.2f} "
-            f"| {covered.sum()} |",
-            flush=True,
-        )
+        spread_in_errors = math.sqrt(float((z**2).mean()))
+        figures = f"{value.mean() - 1:+.1e} | {deviation:.1e} | {spread_in_errors:.2f} | {covered.sum()}"
+        print(f"| `{name}` | {rho} | {figures} |", flush=True)
 
 
 def main() -> None:

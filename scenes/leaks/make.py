@@ -2,7 +2,8 @@
 
 `black` in NAME.json lists boxes (low, high, metres): the irradiance of every point of a front is exactly 0 if
 the place 1 mm before it lies in one. `slits` lists the openings through which light gets, each by a corner
-and two sides whose vector product points to the dark half. All fronts of `coplanar` that lie on each other reflect alike, so that both get what one would get.
+and two sides whose vector product points to the dark half. All fronts of `coplanar` that lie on each other
+reflect alike, so that both get what one would get.
 """
 
 from __future__ import annotations
@@ -52,7 +53,9 @@ def thin_wall() -> None:
     scene = room("thin_wall", (1.0, 1.3))
     scene.add("partition", partition(Mesh(), 0.0, SOUTH))
     dark: tuple[Vec, Vec] = ((MIDDLE, 0.0, 0.0), (EAST, HEIGHT, SOUTH))
-    scene.write(HERE / "make.py", closed=True, closed_note=CLOSED, black=[dark], known_answers=[FLUX_IS_ABSORBED])
+    scene.write(
+        HERE / "make.py", closed=True, closed_note=CLOSED, black=[dark], known_answers=[FLUX_IS_ABSORBED]
+    )
 
 
 def slit() -> None:
@@ -61,11 +64,13 @@ def slit() -> None:
     north, south = SOUTH / 2 - SLIT / 2, SOUTH / 2 + SLIT / 2
     scene.add("partition", partition(partition(Mesh(), 0.0, north), south, SOUTH))
     opening = {"name": "slit", "corner": (MIDDLE, 0, north), "sides": ((0, HEIGHT, 0), (0, 0, SLIT))}
-    scene.write(HERE / "make.py", closed=True, closed_note=CLOSED, slits=[opening], known_answers=[FLUX_IS_ABSORBED])
+    scene.write(
+        HERE / "make.py", closed=True, closed_note=CLOSED, slits=[opening], known_answers=[FLUX_IS_ABSORBED]
+    )
 
 
 def contact() -> None:
-    """A box with all its six sides rests on a table's top, a single polygon; so does a thin plate on the floor."""
+    """A box with all its six sides rests on a table's top, which is one polygon; a plate on the floor."""
     scene = room("contact", (1.4, 1.2))
     scene.add("table", Mesh().box(WOOD, (1.2, 0.68, 0.9), (2.8, 0.72, 2.1)))
     scene.add("pedestal", Mesh().box(WOOD, (1.9, 0, 1.4), (2.1, 0.68, 1.6)))
@@ -78,7 +83,9 @@ def contact() -> None:
         ((2.9, -0.01, 0.4), (3.6, 0.01, 1.2)),
         ((1.9, -0.01, 1.4), (2.1, 0.68, 1.6)),
     ]
-    scene.write(HERE / "make.py", closed=True, closed_note=CLOSED, black=black, known_answers=[FLUX_IS_ABSORBED])
+    scene.write(
+        HERE / "make.py", closed=True, closed_note=CLOSED, black=black, known_answers=[FLUX_IS_ABSORBED]
+    )
 
 
 def coplanar() -> None:
