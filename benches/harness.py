@@ -204,8 +204,9 @@ def scores(reference: Reference, irradiance: Floats) -> dict[str, float]:
 
     rms: sqrt(mean(d^2 - se^2)) / mean E, the reference's noise taken out in quadrature. dark: the same over
     the half of the points with the least E, relative to that half's mean (nan where that is 0). bias: mean d
-    / mean E. p95: 95th percentile of abs(d) / mean E. leak: RMS of what arrives where the reference is exactly
-    0, over mean E (nan where there is no such point). missing: points without a finite value, taken for 0.
+    / mean E. p95: 95th percentile of abs(d) / mean E. leak: RMS of what arrives where the reference is
+    exactly 0, over mean E (nan where there is no such point). missing: points without a finite value, taken
+    for 0.
     """
     missing = ~np.isfinite(irradiance).all(axis=1)
     d = np.where(missing[:, None], 0.0, irradiance) - reference.irradiance

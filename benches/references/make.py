@@ -12,6 +12,9 @@ Needs NumPy and Mitsuba 3 (`pip install mitsuba`), which brings the ray tracer (
   cosine, combined by the balance heuristic (Veach 1997, eq. 9.8). A direction's hit y passes on rho(y) E(y).
 - A back is black, and every triangle blocks from both sides.
 - Behind a slit (`slits` of the scene's JSON), directions are a mixture of cosine and of points in the slit.
+- From each point, paths go on from what is near; what is far is found by links to random places, the same ones
+  for all points of a batch, whose own E comes from a few paths. A heuristic that adds up to 1 divides between
+  the two (`FAVOUR`), so that the sum is unbiased.
 - First samples of a path are a lattice, shifted at random for every point and batch; batches are
   independent, so that their spread gives the standard error of each point.
 - What is black by geometry (`black` there) is checked, and stored as exactly 0.
@@ -38,6 +41,12 @@ import harness
 POINTS = 2000
 #: Directions per point and batch: a batch is one launch of about a million paths, which fits in memory.
 PATHS = 512
+#: Links per point and batch, the places they go to, and paths from each place.
+LINKS, PLACES, PLACE_PATHS = 4096, 2**16, 8
+#: How much more a link's answer counts than a path's of equal density: it is cheap, and its noise shared.
+FAVOUR = 16
+#: Trials of what an emitting triangle brings to a point, and the share of choices that goes by power still.
+TRIALS, UNTRIED = 16, 0.1
 #: Least batches: the spread of 16 gives a standard error to 18 % per point, of all points to much less.
 LEAST = 16
 #: Bounces after which a path goes on at random, by what it carries and at most with this chance.
@@ -55,18 +64,23 @@ BEFORE = 1e-3
 STORED = ("room", "two_rooms", "gallery", "lamps", "corridor", "cornell", "furnace")
 LEAKS = ("thin_wall", "slit", "contact", "coplanar")
 GENERATED = ("objects", "city")
+#: Scenes where random places seldom see each other: paths alone.
+UNLINKED = ("city",)
 #: Fractional parts of powers of 1/g, g^6 = g + 1: a lattice in 5 dimensions (Roberts 2018).
 GOLDEN = 1.1347241384015194
 
 
-def sample_points(surfaces: harness.Surfaces, seed: int) -> tuple[harness.Ints, harness.Floats]:
-    """Faces and barycentric coordinates of points, one in each of as many strata of equal area."""
+def sample_points(
+    surfaces: harness.Surfaces, seed: int, count: int = POINTS, faces: harness.Ints | None = None
+) -> tuple[harness.Ints, harness.Floats]:
+    """Faces (of these) and barycentric coordinates of points, one in each of as many strata of equal area."""
     draw = np.random.default_rng(seed)
-    ends = np.cumsum(surfaces.areas)
-    at = (np.arange(POINTS) + draw.random(POINTS)) / POINTS * ends[-1]
-    face = np.minimum(np.searchsorted(ends, at, side="right"), len(ends) - 1)
+    faces = np.arange(len(surfaces.triangles)) if faces is None else faces
+    ends = np.cumsum(surfaces.areas[faces])
+    at = (np.arange(count) + draw.random(count)) / count * ends[-1]
+    face = faces[np.minimum(np.searchsorted(ends, at, side="right"), len(ends) - 1)]
     # Uniform in a triangle (Turk 1990).
-    root, along = np.sqrt(draw.random(POINTS)), draw.random(POINTS)
+    root, along = np.sqrt(draw.random(count)), draw.random(count)
     bary = np.stack([1 - root, root * (1 - along), root * along], axis=1).astype(np.float32).astype(float)
     return face, bary
 
@@ -91,13 +105,16 @@ class Tracer:
         self.normal = self._floats(surfaces.normals)
         self.reflectance = self._floats(surfaces.reflectance)
         self.emission = self._floats(surfaces.emission)
-        # Emitting triangles by power; `density` is the chance per area of any point of a face.
-        power = surfaces.emission.mean(axis=1) * surfaces.areas
-        self.lights = mi.UInt32(np.flatnonzero(power > 0).astype(np.uint32))
-        chance = power / power.sum()
-        self.ends = mi.Float(np.cumsum(chance[power > 0]).astype(np.float32))
-        density = np.divide(chance, surfaces.areas, out=np.zeros(count), where=surfaces.areas > 0)
-        self.density = mi.Float(density.astype(np.float32))
+        # Emitting triangles, and which of them a face is; the rest share one more, of density 0.
+        self.areas = surfaces.areas
+        self.power = surfaces.emission.mean(axis=1) * self.areas
+        self.shining = np.flatnonzero(self.power > 0)
+        self.lights = mi.UInt32(self.shining.astype(np.uint32))
+        light = np.full(count, len(self.shining), np.uint32)
+        light[self.shining] = np.arange(len(self.shining))
+        self.light = mi.UInt32(light)
+        self.faces = np.flatnonzero(surfaces.reflectance.max(axis=1) > 0)
+        self.surfaces = surfaces
         self.portals = np.array(portals, float).reshape(-1, 3, 3).tolist()
 
     def _floats(self, values: harness.Floats) -> Any:  # noqa: ANN401
@@ -166,9 +183,62 @@ class Tracer:
             direction = dr.select(picked, dr.normalize(target - origin), direction)
         return direction
 
-    def batch(self, place: harness.Floats, normal: harness.Floats, paths: int, seed: int) -> harness.Floats:
-        """Irradiance at the points (n, 3) by so many paths from each."""
+    def reach(self, place: harness.Floats, normal: harness.Floats) -> harness.Floats:
+        """Chances of emitting triangles at each point (n, lights), by a trial of what they bring."""
         dr, mi = self.dr, self.mi
+        lights, shares = len(self.shining), self.power[self.shining] / self.power.sum()
+        lane = dr.arange(mi.UInt32, len(place) * lights * TRIALS)
+        point, face = lane // (lights * TRIALS), dr.gather(mi.UInt32, self.lights, lane // TRIALS % lights)
+        generator = mi.PCG32(size=dr.width(lane), initstate=dr.opaque(mi.UInt64, 2**34))
+        yes = mi.Bool(True)
+        here = self._vector(self._floats(normal), point, yes)
+        origin = self._lift(self._vector(self._floats(place), point, yes), here)
+        root = dr.sqrt(generator.next_float32())
+        target = self._inside(face, root, generator.next_float32(), yes)
+        _, distance, arriving, leaving, able = self._see(origin, here, face, target, yes)
+        brought = dr.select(able, arriving * leaving / (distance * distance), 0)
+        total = np.array(dr.block_sum(brought, TRIALS), float).reshape(len(place), lights)
+        total *= self.power[self.shining]
+        sums = total.sum(axis=1, keepdims=True)
+        trial = np.divide(total, sums, out=np.tile(shares, (len(place), 1)), where=sums > 0)
+        return np.asarray(UNTRIED * shares + (1 - UNTRIED) * trial)
+
+    def aim(self, chances: harness.Floats | None) -> None:
+        """How paths choose an emitting triangle: by these chances at their first vertex, then by power."""
+        shares = self.power[self.shining] / self.power.sum()
+        rows = shares[None] if chances is None else np.vstack([chances, shares])
+        self.rows = len(rows)
+        self.ends = self.mi.Float(np.cumsum(rows, axis=1).astype(np.float32).ravel())
+        # Per area of any point of the triangle; one more column for faces that do not emit.
+        density = np.pad(rows / self.areas[self.shining], ((0, 0), (0, 1)))
+        self.density = self.mi.Float(density.astype(np.float32).ravel())
+
+    def _inside(self, face: Any, root: Any, along: Any, active: Any) -> Any:  # noqa: ANN401
+        """A point of a triangle, uniform where root is the root of a uniform number."""
+        place = self._vector(self.corner, face, active)
+        place = place + self._vector(self.first, face, active) * (root * (1 - along))
+        return place + self._vector(self.second, face, active) * (root * along)
+
+    def _see(self, origin: Any, normal: Any, face: Any, target: Any, active: Any) -> tuple[Any, ...]:  # noqa: ANN401
+        """Direction to a point of a face, distance, cosines here and there, and whether it is seen."""
+        dr, mi = self.dr, self.mi
+        shining = self._vector(self.normal, face, active)
+        away = self._lift(target, shining) - origin
+        distance = dr.norm(away)
+        towards = away / distance
+        arriving, leaving = dr.dot(normal, towards), -dr.dot(shining, towards)
+        able = active & (arriving > 0) & (leaving > 0)
+        ray = mi.Ray3f(mi.Point3f(origin), towards, distance * (1 - CLEARANCE), 0.0, [])
+        return towards, distance, arriving, leaving, able & ~self.scene.ray_test(ray, active=able)
+
+    def batch(
+        self, place: harness.Floats, normal: harness.Floats, paths: int, seed: int, dense: float = 0.0
+    ) -> harness.Floats:
+        """Irradiance at the points (n, 3) by so many paths from each, aimed by `aim`.
+
+        With `dense`, what `connect` finds is left out: its density over the surfaces, per path of ours.
+        """
+        dr, mi, self.dense = self.dr, self.mi, dense
         points = len(place)
         lane = dr.arange(mi.UInt32, points * paths)
         point, index = lane // paths, lane % paths
@@ -183,40 +253,33 @@ class Tracer:
         start = self._vector(self._floats(place), point, mi.Bool(True))
         facing = self._vector(self._floats(normal), point, mi.Bool(True))
         state = (
-            mi.UInt32(0), mi.Bool(True), start, facing, mi.Vector3f(1), mi.Vector3f(0), generator, *lattice,
+            mi.UInt32(0), mi.Bool(True), dr.minimum(point, self.rows - 1), start, facing,
+            mi.Vector3f(1), mi.Vector3f(0), generator, *lattice,
         )  # fmt: skip
         state = dr.while_loop(state, lambda *s: s[1], self._bounce, max_iterations=-1)
-        light = state[5]
+        light = state[6]
         sums = [dr.block_sum(channel, paths) / paths for channel in (light.x, light.y, light.z)]
         dr.eval(sums)
         return np.stack([np.array(channel, float) for channel in sums], axis=1)
 
     def _bounce(
-        self, depth: Any, active: Any, place: Any, normal: Any, weight: Any, light: Any, generator: Any,  # noqa: ANN401
+        self, depth: Any, active: Any, row: Any, place: Any, normal: Any,  # noqa: ANN401
+        weight: Any, light: Any, generator: Any,  # noqa: ANN401
         pick: Any, a: Any, b: Any, c: Any, d: Any,  # noqa: ANN401
     ) -> tuple[Any, ...]:  # fmt: skip
         """One vertex: light from an emitter's point, then a direction, what it sees, and the next vertex."""
         dr, mi = self.dr, self.mi
         origin = self._lift(place, normal)
         # A point of an emitter.
-        found = dr.minimum(
-            dr.binary_search(0, dr.width(self.ends) - 1, lambda i: dr.gather(mi.Float, self.ends, i) <= pick),
-            dr.width(self.ends) - 1,
+        lights = len(self.shining)
+        found = dr.binary_search(
+            0, lights - 1, lambda i: dr.gather(mi.Float, self.ends, row * lights + i, active) <= pick
         )
         face = dr.gather(mi.UInt32, self.lights, found, active)
-        root = dr.sqrt(a)
-        target = self._vector(self.corner, face, active)
-        target = target + self._vector(self.first, face, active) * (root * (1 - b))
-        target = target + self._vector(self.second, face, active) * (root * b)
-        shining = self._vector(self.normal, face, active)
-        away = self._lift(target, shining) - origin
-        distance = dr.norm(away)
-        towards = away / distance
-        leaving, arriving = -dr.dot(shining, towards), dr.dot(normal, towards)
-        able = active & (leaving > 0) & (arriving > 0)
-        ray = mi.Ray3f(mi.Point3f(origin), towards, distance * (1 - CLEARANCE), 0.0, [])
-        able &= ~self.scene.ray_test(ray, active=able)
-        by_light = dr.gather(mi.Float, self.density, face, active) * distance * distance / leaving
+        target = self._inside(face, dr.sqrt(a), b, active)
+        towards, distance, arriving, leaving, able = self._see(origin, normal, face, target, active)
+        by_light = dr.gather(mi.Float, self.density, row * (lights + 1) + found, active)
+        by_light *= distance * distance / leaving
         share = arriving / (math.pi * (by_light + self._chance(origin, normal, towards)))
         light += dr.select(able, weight * self._vector(self.emission, face, able) * share, 0)
         # A direction.
@@ -228,16 +291,63 @@ class Tracer:
         active, face, place, distance = self._hit(origin, direction, active)
         normal = self._vector(self.normal, face, active)
         leaving = -dr.dot(normal, direction)
-        by_light = dr.gather(mi.Float, self.density, face, active) * distance * distance / leaving
+        found = dr.gather(mi.UInt32, self.light, face, active)
+        by_light = dr.gather(mi.Float, self.density, row * (lights + 1) + found, active)
+        by_light *= distance * distance / leaving
         share = arriving / (math.pi * (by_light + by_direction))
         light += dr.select(active, weight * self._vector(self.emission, face, active) * share, 0)
         weight = weight * self._vector(self.reflectance, face, active) * arriving / (math.pi * by_direction)
-        depth = depth + 1
-        stay = dr.select(depth >= ROULETTE, dr.minimum(dr.max(weight), LONGEST), 1)
-        active &= generator.next_float32() < stay
+        depth, row = depth + 1, mi.UInt32(self.rows - 1)
+        stay = dr.select(depth > ROULETTE, dr.minimum(dr.max(weight), LONGEST), 1)
         weight = weight / stay
+        if self.dense:
+            ours = by_direction * leaving / (distance * distance)
+            stay = dr.select(depth == 1, ours / (ours + self.dense), stay)
+        active &= generator.next_float32() < stay
         fresh = [generator.next_float32() for _ in range(5)]
-        return depth, active, place, normal, weight, light, generator, *fresh
+        return depth, active, row, place, normal, weight, light, generator, *fresh
+
+    def connect(
+        self, place: harness.Floats, normal: harness.Floats, links: int, paths: int, seed: int
+    ) -> harness.Floats:
+        """Irradiance (n, 3) by way of random places, whose own is found by paths: what `batch` leaves out.
+
+        So many links from each point, beside so many paths in `batch`: the balance heuristic divides between
+        them. Places with much light are linked more often, for half of the links.
+        """
+        dr, mi = self.dr, self.mi
+        face, bary = sample_points(self.surfaces, seed, PLACES, self.faces)
+        there, facing = self.surfaces.at(face, bary), self.surfaces.normals[face]
+        self.aim(None)
+        found = self.surfaces.reflectance[face] * self.batch(there, facing, PLACE_PATHS, 2**32 + seed)
+        chance = (1 / PLACES + found.mean(axis=1) / found.mean(axis=1).sum()) / 2
+        ends = mi.Float(np.cumsum(chance).astype(np.float32))
+        scaled = self._floats(found / (PLACES * chance)[:, None])
+        density = self.density_of_places
+        lane = dr.arange(mi.UInt32, len(place) * links)
+        point, index = lane // links, lane % links
+        generator = mi.PCG32(size=len(place) * links, initstate=dr.opaque(mi.UInt64, 2**33 + seed))
+        pick = (mi.Float(index) + generator.next_float32()) / links
+        chosen = dr.binary_search(0, PLACES - 1, lambda i: dr.gather(mi.Float, ends, i) <= pick)
+        yes = mi.Bool(True)
+        here = self._vector(self._floats(normal), point, yes)
+        origin = self._lift(self._vector(self._floats(place), point, yes), here)
+        met = dr.gather(mi.UInt32, mi.UInt32(face.astype(np.uint32)), chosen)
+        target = self._vector(self._floats(there), chosen, yes)
+        towards, distance, arriving, leaving, able = self._see(origin, here, met, target, yes)
+        per_area = leaving / (distance * distance)
+        theirs = FAVOUR * density * links / paths
+        heuristic = theirs / (theirs + self._chance(origin, here, towards) * per_area)
+        weight = heuristic * arriving * per_area / (math.pi * density)
+        light = dr.select(able, self._vector(scaled, chosen, able) * weight, 0)
+        sums = [dr.block_sum(channel, links) / links for channel in (light.x, light.y, light.z)]
+        dr.eval(sums)
+        return np.stack([np.array(channel, float) for channel in sums], axis=1)
+
+    @property
+    def density_of_places(self) -> float:
+        """Density of the places of `connect`, per m2."""
+        return 1 / float(self.surfaces.areas[self.faces].sum())
 
 
 def trace(
@@ -248,14 +358,21 @@ def trace(
     seconds: float,
     target: float,
     batches: int | None = None,
+    links: int = LINKS,
 ) -> tuple[harness.Floats, harness.Floats, int]:
     """E and its standard error at the points, and the batches that were spent."""
     tracer = Tracer(surfaces, portals)
     place, normal = surfaces.at(face, bary), surfaces.normals[face]
     total, square = np.zeros((len(face), 3)), np.zeros((len(face), 3))
     start, done = time.perf_counter(), 0
+    chances = tracer.reach(place, normal)
     while True:
-        values = tracer.batch(place, normal, PATHS, done + 1)
+        tracer.aim(chances)
+        values = tracer.batch(
+            place, normal, PATHS, done + 1, FAVOUR * links / PATHS * tracer.density_of_places
+        )
+        if links:
+            values += tracer.connect(place, normal, links, PATHS, done + 1)
         total, square, done = total + values, square + values**2, done + 1
         mean = total / done
         error = np.sqrt(np.maximum(square / done - mean**2, 0) / max(done - 1, 1))
@@ -304,7 +421,9 @@ def make(name: str, seconds: float, target: float, batches: int | None) -> None:
         digest = hashlib.sha256(path.read_bytes()).hexdigest()
     face, bary = sample_points(surfaces, seed=1)
     start = time.perf_counter()
-    mean, error, done = trace(surfaces, face, bary, slits_of(record), seconds, target, batches)
+    mean, error, done = trace(
+        surfaces, face, bary, slits_of(record), seconds, target, batches, 0 if name in UNLINKED else LINKS
+    )
     spent = time.perf_counter() - start
     place, normal = surfaces.at(face, bary), surfaces.normals[face]
     black = black_of(record, place, normal)
