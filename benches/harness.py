@@ -66,6 +66,27 @@ class Surfaces:
         """Positions (m, 3) of points."""
         return np.asarray(np.einsum("pk,pkx->px", bary, self.triangles[face]))
 
+    def apart(self, share: float) -> Floats:
+        """The triangles; those that lie back to back, corner on corner, moved to their fronts.
+
+        Of two such a ray then meets the one that faces it; where they are, it may meet either. They are moved
+        by a share of their distance from the origin, plus 1 m.
+        """
+        level = np.einsum("ix,ix->i", self.normals, self.triangles[:, 0])
+        # Corners and planes to a micrometre: more than rounding, less than anything is thick.
+        planes = np.round(np.column_stack([self.normals, level]), 6)
+        corners = [[tuple(corner) for corner in rows] for rows in np.round(self.triangles, 6).tolist()]
+        found: dict[tuple[float, ...], set[tuple[float, ...]]] = {}
+        for plane, rows in zip(planes.tolist(), corners, strict=True):
+            found.setdefault(tuple(plane), set()).update(rows)
+        backed = [
+            found.get(tuple(-value for value in plane), set()).issuperset(rows)
+            for plane, rows in zip(planes.tolist(), corners, strict=True)
+        ]
+        size = 1 + np.abs(self.triangles).max(axis=2, keepdims=True)
+        moved = share * size * self.normals[:, None] * np.array(backed)[:, None, None]
+        return np.asarray(self.triangles + moved)
+
     def _cross(self) -> Floats:
         a, b, c = self.triangles.transpose(1, 0, 2)
         return np.asarray(np.cross(b - a, c - a))

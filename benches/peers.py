@@ -34,6 +34,8 @@ LEAST = 0.02
 #: Distance before a surface from which a point is looked at, metres: more than rounding, less than what fits
 #: between things in a room.
 BEFORE = 1e-3
+#: Shift that tells triangles apart which lie back to back: 20 roundings of 32-bit floats (2^-23 each).
+APART = 2.5e-6
 #: Most paths that Mitsuba holds at a time.
 LANES = 2**20
 COLUMNS: dict[str, harness.Shown] = {
@@ -62,7 +64,7 @@ def mitsuba(surfaces: harness.Surfaces, face: Any, bary: Any, samples: int, thre
     kinds, paint = np.unique(paints, axis=0, return_inverse=True)
     with tempfile.TemporaryDirectory() as folder:
         for number, kind in enumerate(kinds.tolist()):
-            corners = surfaces.triangles[paint.ravel() == number].reshape(-1, 3)
+            corners = surfaces.apart(APART)[paint.ravel() == number].reshape(-1, 3)
             mesh = mi.Mesh(f"part {number}", len(corners), len(corners) // 3)
             parameters = mi.traverse(mesh)
             parameters["vertex_positions"] = mi.Float(corners.astype(np.float32).ravel())
@@ -159,7 +161,7 @@ def cycles(surfaces: harness.Surfaces, face: Any, bary: Any, samples: int, threa
 
     paints = np.concatenate([surfaces.reflectance, surfaces.emission / math.pi], axis=1)
     kinds, paint = np.unique(paints, axis=0, return_inverse=True)
-    add("scene", surfaces.triangles, [material(kind[:3], kind[3:]) for kind in kinds.tolist()], paint)
+    add("scene", surfaces.apart(APART), [material(kind[:3], kind[3:]) for kind in kinds.tolist()], paint)
     # Specks: triangles of a tenth of `BEFORE`, a tenth of it before the surface, facing as it does.
     a, b = surfaces.triangles[face, :2].transpose(1, 0, 2)
     along = (b - a) / np.linalg.norm(b - a, axis=1, keepdims=True)

@@ -10,10 +10,11 @@ Needs NumPy and Mitsuba 3 (`pip install mitsuba`), which brings the ray tracer (
 - Points: stratified by area over all fronts, emitters included, so that plain means are surface means.
 - E(x) = integral of L cos: light from a point of an emitter, chosen by power, and from a direction, chosen by
   cosine, combined by the balance heuristic (Veach 1997, eq. 9.8). A direction's hit y passes on rho(y) E(y).
-- A back is black, and every triangle blocks from both sides.
+- A back is black, and every triangle blocks from both sides. Of two that lie back to back, the one that faces
+  a ray is met (`Surfaces.apart`).
 - Behind a slit (`slits` of the scene's JSON), directions are a mixture of cosine and of points in the slit.
-- From each point, paths go on from what is near; what is far is found by links to random places, the same ones
-  for all points of a batch, whose own E comes from a few paths. A heuristic that adds up to 1 divides between
+- From each point, paths go on from what is near; what is far is found by links to random places, the same
+  ones for all points of a batch, whose own E comes from a few paths. Weights that add up to 1 divide between
   the two (`FAVOUR`), so that the sum is unbiased.
 - First samples of a path are a lattice, shifted at random for every point and batch; batches are
   independent, so that their spread gives the standard error of each point.
@@ -96,7 +97,7 @@ class Tracer:
         count = len(surfaces.triangles)
         mesh = mi.Mesh("scene", 3 * count, count)
         parameters = mi.traverse(mesh)
-        parameters["vertex_positions"] = mi.Float(surfaces.triangles.astype(np.float32).ravel())
+        parameters["vertex_positions"] = mi.Float(surfaces.apart(CLEARANCE / 4).astype(np.float32).ravel())
         parameters["faces"] = mi.UInt32(np.arange(3 * count, dtype=np.uint32))
         parameters.update()
         self.scene = mi.load_dict({"type": "scene", "mesh": mesh})
