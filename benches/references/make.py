@@ -50,6 +50,8 @@ FAVOUR = 16
 TRIALS, UNTRIED = 16, 0.1
 #: Least batches: the spread of 16 gives a standard error to 18 % per point, of all points to much less.
 LEAST = 16
+#: One in so many points is traced anew where the target is not reached, in this share of the time.
+WORST, AGAIN = 20, 0.25
 #: Bounces after which a path goes on at random, by what it carries and at most with this chance.
 ROULETTE, LONGEST = 3, 0.95
 #: Share of the directions that aim at a slit; any share between 0 and 1 is unbiased.
@@ -361,29 +363,48 @@ def trace(
     batches: int | None = None,
     links: int = LINKS,
 ) -> tuple[harness.Floats, harness.Floats, int]:
-    """E and its standard error at the points, and the batches that were spent."""
+    """E and its standard error at the points, and the batches that were spent on all of them.
+
+    Where these did not reach the target, the worst points are traced anew, apart from what chose them.
+    """
     tracer = Tracer(surfaces, portals)
     place, normal = surfaces.at(face, bary), surfaces.normals[face]
+    dense = FAVOUR * links / PATHS * tracer.density_of_places
+
+    def batch(some: Any, times: int, chances: harness.Floats, seed: int) -> harness.Floats:  # noqa: ANN401
+        tracer.aim(chances[some])
+        values = tracer.batch(place[some], normal[some], times * PATHS, seed, dense)
+        if links:
+            values += tracer.connect(place[some], normal[some], times * links, times * PATHS, seed)
+        return values
+
+    def share_of_mean(error: harness.Floats) -> float:
+        return math.sqrt(float((error**2).mean())) / float(mean.mean())
+
+    everywhere, chances = np.arange(len(face)), tracer.reach(place, normal)
     total, square = np.zeros((len(face), 3)), np.zeros((len(face), 3))
     start, done = time.perf_counter(), 0
-    chances = tracer.reach(place, normal)
     while True:
-        tracer.aim(chances)
-        values = tracer.batch(
-            place, normal, PATHS, done + 1, FAVOUR * links / PATHS * tracer.density_of_places
-        )
-        if links:
-            values += tracer.connect(place, normal, links, PATHS, done + 1)
-        total, square, done = total + values, square + values**2, done + 1
-        mean = total / done
-        error = np.sqrt(np.maximum(square / done - mean**2, 0) / max(done - 1, 1))
-        if batches is not None:
-            if done == batches:
-                return mean, error, done
-        elif done >= LEAST:
-            reached = math.sqrt(float((error**2).mean())) <= target * float(mean.mean())
-            if reached or time.perf_counter() - start > seconds:
-                return mean, error, done
+        done += 1
+        values = batch(everywhere, 1, chances, done)
+        total, square = total + values, square + values**2
+        mean, error = total / done, spread(total, square, done)
+        if done < (batches or LEAST):
+            continue
+        if batches or share_of_mean(error) <= target or time.perf_counter() - start > (1 - AGAIN) * seconds:
+            break
+    if share_of_mean(error) > target and seconds > 0:
+        worst = np.sort(np.argsort((error**2).sum(axis=1))[-len(face) // WORST :])
+        runs = max(LEAST // 2, round(AGAIN / (1 - AGAIN) * done))
+        values = np.array([batch(worst, WORST, chances, done + run) for run in range(1, runs + 1)])
+        mean[worst] = values.mean(axis=0)
+        error[worst] = spread(values.sum(axis=0), (values**2).sum(axis=0), runs)
+    return mean, error, done
+
+
+def spread(total: harness.Floats, square: harness.Floats, count: int) -> harness.Floats:
+    """Standard error of the mean of so many values, by their sum and the sum of their squares."""
+    return np.asarray(np.sqrt(np.maximum(square / count - (total / count) ** 2, 0) / max(count - 1, 1)))
 
 
 def scene_file(name: str, folder: Path) -> Path:
