@@ -234,7 +234,7 @@ def scores(reference: Reference, irradiance: Floats) -> dict[str, float]:
     mean = float(reference.irradiance.mean())
     brightness = reference.irradiance.mean(axis=1)
     dark = np.asarray(brightness <= np.median(brightness))
-    black = (reference.irradiance == 0).all(axis=1) & (reference.error == 0).all(axis=1)
+    black = np.asarray(((reference.irradiance == 0) & (reference.error == 0)).all(axis=1))
     return {
         "rms": _rms(d, reference.error, mean),
         "dark": _rms(d[dark], reference.error[dark], float(reference.irradiance[dark].mean())),

@@ -203,7 +203,8 @@ def measure(
     row: dict[str, Any] = {"scene": case.name, "peer": peer, "samples": samples}
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "irradiance.npy"
-        command = [python, __file__, "--child", peer, scene, case.points, str(samples), str(threads), out]
+        command: list[str | Path] = [python, __file__, "--child", peer, scene, case.points]
+        command += [str(samples), str(threads), out]
         run = harness.child(command, timeout, threads)
         row["seconds"] = run.seconds
         if run.result is None:
