@@ -284,7 +284,7 @@ class Camera:
 
 @dataclass
 class Scene:
-    """A scene under construction; `write` puts NAME.glb and NAME.json beside the scripts."""
+    """A scene under construction; `write` puts NAME.glb and NAME.json beside its script."""
 
     name: str
     nodes: list[Node] = field(default_factory=list)
@@ -431,11 +431,12 @@ class Scene:
         document.set_binary_blob(bytes(indices + positions))
         return document
 
-    def write(self, **more: Any) -> None:
-        """Writes NAME.glb and NAME.json (facts and `more`) beside this module."""
-        folder = Path(__file__).parent
+    def write(self, script: Path | None = None, **more: Any) -> None:
+        """Writes NAME.glb and NAME.json (facts and `more`) beside `script`, or NAME.py beside this module."""
+        script = script or Path(__file__).with_name(f"{self.name}.py")
+        folder = script.parent
         (folder / f"{self.name}.glb").write_bytes(b"".join(self.to_gltf().save_to_bytes()))
-        record = {"scene": f"{self.name}.glb", "made_by": f"{self.name}.py", **self.facts(), **more}
+        record = {"scene": f"{self.name}.glb", "made_by": script.name, **self.facts(), **more}
         (folder / f"{self.name}.json").write_text(
             json.dumps(rounded(record), indent=2) + "\n", encoding="utf-8"
         )
