@@ -101,7 +101,7 @@ class Solution:
 
     @property
     def clusters(self) -> Arrays:
-        """The hierarchy above the polygons: read-only arrays with one row per cluster, parents first, made once.
+        """The hierarchy above the polygons: read-only arrays, parents before their children, made once.
 
         ``centre`` (metres) and ``radius`` of a ball that holds all members, ``area`` (m²), ``parent`` (the
         first has none: 2**32 - 1), ``first`` and ``count`` (members, a run of the array ``members`` of
@@ -283,7 +283,9 @@ class Solution:
                 prefix, _, rest = name.partition("/")
                 split.setdefault(prefix, {})[rest] = array
             if "factors" in split["links"]:
-                split["links"]["form_factor"] = _form_factors(split["links"], split["elements"]["corner_count"])
+                split["links"]["form_factor"] = _form_factors(
+                    split["links"], split["elements"]["corner_count"]
+                )
             names = ("elements", "links", "clusters")
             self._groups = {name: MappingProxyType(split.get(name, {})) for name in names}
         return self._groups[group]
@@ -405,7 +407,7 @@ def _form_factors(links: Mapping[str, NDArray[Any]], corner_count: NDArray[np.ui
     """Means of the factors over the receivers without visibility, read-only."""
     factors = links["factors"].astype(np.float64)
     receiver = links["receiver"]
-    mean = factors[:, 0].copy()
+    mean: NDArray[np.float64] = factors[:, 0].copy()
     # The same weights as the engine's: exact for quadratics on parallelograms and triangles.
     for count, middle in ((3, 3 / 4), (4, 2 / 3)):
         is_such = np.append(corner_count, 0)[np.minimum(receiver, len(corner_count))] == count
