@@ -28,6 +28,16 @@ pub enum SettingsError {
     },
 }
 
+impl SettingsError {
+    /// Name of the setting.
+    #[must_use]
+    pub fn name(&self) -> &'static str {
+        match self {
+            SettingsError::Value { name, .. } | SettingsError::Schedule { name, .. } => name,
+        }
+    }
+}
+
 /// Why no solution came out.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum SolveError {
