@@ -6,7 +6,7 @@ import dataclasses
 import math
 from typing import TYPE_CHECKING, Any, Literal
 
-from isolux.settings import Settings
+from isolux.settings import Schedule, Settings
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -15,12 +15,14 @@ __all__ = [
     "Bands",
     "Counts",
     "Energy",
+    "ErrorEstimate",
     "Issue",
     "IterationReport",
     "LinkReport",
     "PhaseReport",
     "Report",
     "RowSum",
+    "StageReport",
     "Status",
     "Unit",
 ]
@@ -28,7 +30,7 @@ __all__ = [
 #: Linear red, green, blue.
 Bands = tuple[float, float, float]
 #: How a solve ended.
-Status = Literal["converged", "iteration-limit", "cancelled"]
+Status = Literal["converged", "iteration-limit", "bounded", "cancelled"]
 #: What power is counted in: lumens (light) or watts (radiant power).
 Unit = Literal["lm", "W"]
 
@@ -45,6 +47,31 @@ class Issue:
     object: str
     #: One sentence with counts and values.
     message: str
+
+
+@dataclasses.dataclass(frozen=True)
+class ErrorEstimate:
+    """What the links are estimated to leave out; reflectances and emissions are taken as given."""
+
+    #: RMS error of irradiance over all surfaces, relative to its mean.
+    total: float
+    #: The same of the darker half of the surfaces, relative to that half's mean; None where not looked at.
+    dark: float | None
+
+
+@dataclasses.dataclass(frozen=True)
+class StageReport:
+    """One stage of schedule ``"wavefront"``: refinement, then gathers until the light settles."""
+
+    #: Elements at its end.
+    elements: int
+    #: Links at its end.
+    links: int
+    #: Gathers over all links.
+    passes: int
+    #: Estimated relative error at its end.
+    estimate: float
+    seconds: float
 
 
 @dataclasses.dataclass(frozen=True)
@@ -135,7 +162,10 @@ class Counts:
 
 @dataclasses.dataclass(frozen=True)
 class Report:
-    """Everything a solve tells of itself."""
+    """Everything a solve tells of itself.
+
+    What only one schedule has is None, or empty, with the other.
+    """
 
     #: Version of the program that solved.
     version: str
@@ -145,21 +175,27 @@ class Report:
     unit: Unit
     #: Settings as asked.
     settings: Settings
+    #: How the solve was organised.
+    schedule: Schedule
     status: Status
-    #: Absolute permitted link power, W/m² or lm/m².
-    bf_epsilon: float
+    #: Name of the setting whose bound stopped it (status ``"bounded"``).
+    bound: str | None
+    #: Estimate of the error that is left (``"wavefront"``).
+    error_estimate: ErrorEstimate | None
+    #: Absolute permitted link power, W/m² or lm/m² (``"sequential"``).
+    bf_epsilon: float | None
     #: Absolute smallest element that may be split, m².
     area_epsilon: float
-    #: Relative change of total radiosity at which iterations stop.
-    energy_epsilon: float
+    #: Relative change of total radiosity at which iterations stop (``"sequential"``).
+    energy_epsilon: float | None
     #: Mean irradiance over the surfaces, W/m² or lm/m².
     mean_irradiance: Bands
     #: One-sided polygons (fronts, and backs of two-sided surfaces).
     polygons: int
     #: Backs that light reached, of how many there are.
     lit_backs: tuple[int, int]
-    #: Fragments in the BSP tree.
-    fragments: int
+    #: Fragments in the BSP tree (``"sequential"``).
+    fragments: int | None
     #: Roots of quadtrees.
     roots: int
     elements: int
@@ -167,12 +203,18 @@ class Report:
     leaves: int
     #: Elements by level, roots first.
     elements_by_level: tuple[int, ...]
+    #: Clusters of polygons (``"wavefront"``).
+    clusters: int
     links: LinkReport
-    counts: Counts
+    #: ``"sequential"``.
+    counts: Counts | None
+    #: ``"sequential"``.
     iterations: tuple[IterationReport, ...]
-    #: None for a cancelled solve.
+    #: ``"wavefront"``.
+    stages: tuple[StageReport, ...]
+    #: ``"sequential"``; None for a cancelled solve.
     energy: Energy | None
-    #: None for a cancelled solve.
+    #: ``"sequential"``; None for a cancelled solve.
     row_sum: RowSum | None
     phases: tuple[PhaseReport, ...]
     #: Peak memory of the process, bytes; 0 where the system does not tell.
@@ -189,7 +231,11 @@ class Report:
         values["lit_backs"] = tuple(values["lit_backs"])
         values["elements_by_level"] = tuple(values["elements_by_level"])
         values["links"] = LinkReport(**values["links"])
-        values["counts"] = Counts(**values["counts"])
+        if values["error_estimate"] is not None:
+            values["error_estimate"] = ErrorEstimate(**values["error_estimate"])
+        if values["counts"] is not None:
+            values["counts"] = Counts(**values["counts"])
+        values["stages"] = tuple(StageReport(**entry) for entry in values["stages"])
         values["iterations"] = tuple(
             IterationReport(
                 **{**entry, "total": _bands(entry["total"]), "residual": _number(entry["residual"])}

@@ -13,10 +13,12 @@ from isolux.exceptions import SettingsError
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-__all__ = ["Quality", "Settings"]
+__all__ = ["Quality", "Schedule", "Settings"]
 
 #: Names for errors: 0.2, 0.1, 0.05 and 0.02.
 Quality = Literal["draft", "preview", "production", "final"]
+#: How a solve is organised.
+Schedule = Literal["wavefront", "sequential"]
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -24,15 +26,30 @@ class Settings:
     """What may be asked of a solve.
 
     Every epsilon is relative, so that a scene may be scaled or dimmed at will. Values are checked when the
-    object is made.
+    object is made; what only one schedule has is refused with the other.
 
     Parameters
     ----------
+    schedule
+        How the solve is organised: ``"wavefront"``, in rounds on all cores until the estimated error is
+        the one asked for, or ``"sequential"``, the paper's method.
     error
         Asked relative error of irradiance (RMS over surfaces, relative to the mean), in (0, 1]; sets the
         epsilons that are None.
+    dark
+        Of ``"wavefront"``, as all up to `time`: asked error of the darker half of the surfaces, relative to
+        that half's mean.
+    max_elements
+        Stop before there are more elements than this (status ``"bounded"``).
+    min_area
+        Elements below this share of the scene's area are not split; None stands for 1e-8.
+    memory
+        Stop before the solve takes more memory than this, bytes (status ``"bounded"``).
+    time
+        Stop after this time, seconds (status ``"bounded"``).
     bf_epsilon
-        Links carry at most this share of the scene's mean irradiance.
+        Of ``"sequential"``, as all up to `max_iterations`, but for `seed`: links carry at most
+        this share of the scene's mean irradiance.
     partial_visibility
         What counts for a visibility that is only sampled, and below 1, in [0, 1]; 0, the paper's rule,
         stands for what the sample says.
@@ -78,7 +95,13 @@ class Settings:
         Naming the first setting that makes no sense, and its value.
     """
 
+    schedule: Schedule = "wavefront"
     error: float = 0.05
+    dark: float | None = None
+    max_elements: int | None = None
+    min_area: float | None = None
+    memory: int | None = None
+    time: float | None = None
     bf_epsilon: float | None = None
     partial_visibility: float = 0.5
     partial_form_factor: float = 0.02

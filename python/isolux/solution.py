@@ -9,18 +9,19 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from isolux import _isolux
 from isolux._arrays import floats, integers
 from isolux.exceptions import Cancelled, SettingsError
 from isolux.report import Report
 from isolux.scene import Scene
-from isolux.settings import Quality, Settings
+from isolux.settings import Quality, Schedule, Settings
 
 if TYPE_CHECKING:
     import os
     from collections.abc import Callable, Mapping, Sequence
 
-    import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
     #: A read-only dict of read-only arrays.
@@ -83,12 +84,30 @@ class Solution:
 
     @property
     def links(self) -> Arrays:
-        """The links between elements: read-only arrays with one row per link.
+        """The links: read-only arrays with one row per link, made once.
 
-        ``receiver`` and ``source`` (rows of `elements`), ``form_factor``, ``visibility``, and ``proven`` (1
-        where the visibility is known for certain, 0 where rays estimate it). Made once.
+        ``receiver`` and ``source`` (rows of `elements`), ``form_factor`` (mean over the receiver of the share
+        that reaches it, unoccluded), ``visibility``, and ``proven`` (1 where the visibility is known for
+        certain, 0 where rays estimate it).
+
+        Schedule ``"wavefront"`` also links `clusters`, which are numbered after the elements: node
+        ``len(elements["area"]) + c`` is cluster ``c``. There are ``factors`` (n, 5), too, what arrives at the
+        receiver's corners and middle for each unit of the source, visibility included, and ``centre`` (n, 2),
+        where on the source the light comes from. For each unit of a source that is a cluster, factors are
+        steradian per square metre; a receiver that is a cluster has the first one alone, for a surface that
+        faces the source.
         """
         return self._group("links")
+
+    @property
+    def clusters(self) -> Arrays:
+        """The hierarchy above the polygons: read-only arrays, parents before their children, made once.
+
+        ``centre`` (metres) and ``radius`` of a ball that holds all members, ``area`` (m²), ``parent`` (the
+        first has none: 2**32 - 1), ``first`` and ``count`` (members, a run of the array ``members`` of
+        polygons). Empty with schedule ``"sequential"``.
+        """
+        return self._group("clusters")
 
     @property
     def mesh(self) -> Arrays:
@@ -263,7 +282,12 @@ class Solution:
             for name, array in arrays.items():
                 prefix, _, rest = name.partition("/")
                 split.setdefault(prefix, {})[rest] = array
-            self._groups = {name: MappingProxyType(split[name]) for name in ("elements", "links")}
+            if "factors" in split["links"]:
+                split["links"]["form_factor"] = _form_factors(
+                    split["links"], split["elements"]["corner_count"]
+                )
+            names = ("elements", "links", "clusters")
+            self._groups = {name: MappingProxyType(split.get(name, {})) for name in names}
         return self._groups[group]
 
     def __repr__(self) -> str:
@@ -280,6 +304,12 @@ def solve(
     *,
     error: float | None = None,
     quality: Quality | None = None,
+    schedule: Schedule | None = None,
+    dark: float | None = None,
+    max_elements: int | None = None,
+    min_area: float | None = None,
+    memory: int | None = None,
+    time: float | None = None,
     threads: int | None = None,
     seed: int | None = None,
     max_iterations: int | None = None,
@@ -297,12 +327,22 @@ def solve(
         Asked relative error of irradiance (RMS over surfaces, relative to the mean).
     quality
         A name instead: draft 0.2, preview 0.1, production 0.05, final 0.02.
+    schedule
+        ``"wavefront"``, in rounds on all cores until the estimated error is the one asked for, or
+        ``"sequential"``, the paper's method.
+    dark
+        Asked error of the darker half of the surfaces, relative to that half's mean (``"wavefront"``).
+    max_elements, memory, time
+        Bounds on elements, memory (bytes) and time (seconds) that stop the solve (status ``"bounded"``;
+        ``"wavefront"``).
+    min_area
+        Elements below this share of the scene's area are not split (``"wavefront"``).
     threads
         Threads; 0 stands for all cores. Never changes a result.
     seed
         Seed of every pseudo-random choice: equal scenes, settings and seeds give equal bits.
     max_iterations
-        Iterations after which the solve gives up (status ``"iteration-limit"``).
+        Iterations after which the solve gives up (status ``"iteration-limit"``; ``"sequential"``).
     progress
         Called with an `isolux.Progress` about twenty times a second; raises KeyboardInterrupt to stop the
         solve. Other exceptions of it stop the solve, too, and come through.
@@ -310,7 +350,7 @@ def solve(
     Returns
     -------
     Solution
-        Look at ``report.status``: an iteration limit is no error.
+        Look at ``report.status``: neither an iteration limit nor a bound is an error.
 
     Raises
     ------
@@ -327,7 +367,18 @@ def solve(
                 f"setting 'quality' is \"{quality}\", but 'error' is {error}: give one of them"
             )
         error = _isolux.quality_error(quality)
-    given = {"error": error, "threads": threads, "seed": seed, "max_iterations": max_iterations}
+    given = {
+        "schedule": schedule,
+        "error": error,
+        "dark": dark,
+        "max_elements": max_elements,
+        "min_area": min_area,
+        "memory": memory,
+        "time": time,
+        "threads": threads,
+        "seed": seed,
+        "max_iterations": max_iterations,
+    }
     changes: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
     settings = dataclasses.replace(Settings() if settings is None else settings, **changes)
     inner, stopped = _isolux.solve(scene._inner, settings._to_json(), progress)
@@ -350,6 +401,22 @@ def open_solution(path: str | os.PathLike[str]) -> Solution:
     from isolux.io import solution_file  # noqa: PLC0415
 
     return Solution._wrap(solution_file.read(Path(path)))
+
+
+def _form_factors(links: Mapping[str, NDArray[Any]], corner_count: NDArray[np.uint8]) -> NDArray[np.float64]:
+    """Means of the factors over the receivers without visibility, read-only."""
+    factors = links["factors"].astype(np.float64)
+    receiver = links["receiver"]
+    mean: NDArray[np.float64] = factors[:, 0].copy()
+    # The same weights as the engine's: exact for quadratics on parallelograms and triangles.
+    for count, middle in ((3, 3 / 4), (4, 2 / 3)):
+        is_such = np.append(corner_count, 0)[np.minimum(receiver, len(corner_count))] == count
+        corners = factors[is_such, :count].sum(axis=1) / 12
+        mean[is_such] = corners + factors[is_such, 4] * middle
+    visibility = links["visibility"].astype(np.float64)
+    np.divide(mean, visibility, out=mean, where=visibility > 0.0)
+    mean.setflags(write=False)
+    return mean
 
 
 def _point(name: str, value: Sequence[float]) -> tuple[float, float, float]:

@@ -38,7 +38,10 @@ pub(crate) fn internal(message: String) -> PyErr {
 
 impl PythonError for FacadeSettingsError {
     fn exception(self) -> PyErr {
-        SettingsError::new_err(self.to_string())
+        let message = self.to_string();
+        match self {
+            FacadeSettingsError::Value { .. } | FacadeSettingsError::Schedule { .. } => SettingsError::new_err(message),
+        }
     }
 }
 
@@ -159,9 +162,13 @@ impl PythonError for FormatsWriteError {
 pub(crate) fn error_samples(py: Python<'_>) -> PyResult<Bound<'_, PyList>> {
     let object = || String::from("lamp");
     let file = || String::from("room.glb");
-    let settings = || FacadeSettingsError { name: "error", value: "-1".into(), expected: "a number above 0" };
+    let settings = || FacadeSettingsError::Value { name: "error", value: "-1".into(), expected: "a number above 0" };
     let samples: Vec<(&str, PyErr)> = vec![
-        ("SettingsError", settings().exception()),
+        ("SettingsError::Value", settings().exception()),
+        (
+            "SettingsError::Schedule",
+            FacadeSettingsError::Schedule { name: "rays", value: "256".into(), schedule: "sequential" }.exception(),
+        ),
         ("SceneError::Empty", CoreSceneError::Empty { dropped: 2, invisible: 1 }.exception()),
         ("SceneError::NotFinite", CoreSceneError::NotFinite { object: object(), face: 3 }.exception()),
         ("SceneError::CornerCount", CoreSceneError::CornerCount { object: object(), face: 3, corners: 5 }.exception()),

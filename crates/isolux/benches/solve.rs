@@ -13,7 +13,7 @@ use isolux::core::links::Evaluator;
 use isolux::core::scene::{BuildOptions, Scene};
 use isolux::core::solution::Unobserved;
 use isolux::core::tree::{Bsp, ElementId};
-use isolux::{Interpolation, Settings, solve};
+use isolux::{Interpolation, Schedule, Settings, solve};
 use std::hint::black_box;
 use std::sync::Arc;
 
@@ -28,6 +28,7 @@ fn room() -> Arc<Scene> {
 
 fn settings(bf_epsilon: f64, area_epsilon: f64) -> Settings {
     Settings {
+        schedule: Schedule::Sequential,
         bf_epsilon: Some(bf_epsilon),
         area_epsilon: Some(area_epsilon),
         partial_visibility: 0.0,

@@ -5,14 +5,37 @@ use thiserror::Error;
 
 /// A setting that makes no sense.
 #[derive(Clone, Debug, PartialEq, Error)]
-#[error("setting '{name}' is {value}: expected {expected}")]
-pub struct SettingsError {
+pub enum SettingsError {
+    /// No schedule takes such a value.
+    #[error("setting '{name}' is {value}: expected {expected}")]
+    Value {
+        /// Name of the setting.
+        name: &'static str,
+        /// What was given.
+        value: String,
+        /// What would be right.
+        expected: &'static str,
+    },
+    /// The schedule that was asked for does not know it.
+    #[error("setting '{name}' is {value}: belongs to schedule '{schedule}'")]
+    Schedule {
+        /// Name of the setting.
+        name: &'static str,
+        /// What was given.
+        value: String,
+        /// The schedule that has it.
+        schedule: &'static str,
+    },
+}
+
+impl SettingsError {
     /// Name of the setting.
-    pub name: &'static str,
-    /// What was given.
-    pub value: String,
-    /// What would be right.
-    pub expected: &'static str,
+    #[must_use]
+    pub fn name(&self) -> &'static str {
+        match self {
+            SettingsError::Value { name, .. } | SettingsError::Schedule { name, .. } => name,
+        }
+    }
 }
 
 /// Why no solution came out.

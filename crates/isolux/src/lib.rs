@@ -6,21 +6,29 @@ mod pace;
 mod record;
 mod render;
 mod report;
+mod sequential;
 mod settings;
 mod smooth;
 mod solution;
+mod solve;
 pub mod study;
+mod wavefront;
 
 pub use error::{RecordError, RenderError, SettingsError, SolveError};
 pub use isolux_core as core;
 pub use isolux_formats as formats;
 pub use record::{Array, Data, Record};
 pub use render::{RenderSettings, View, render};
-pub use report::{Energy, IterationReport, LinkReport, PhaseReport, Report, RowSum, Status};
-pub use settings::{Quality, Settings};
+pub use report::{
+    Energy, ErrorEstimate, IterationReport, LinkReport, PhaseReport, Report, RowSum, StageReport, Status,
+};
+pub use settings::{Quality, Schedule, Settings};
 
 pub use isolux_core::solution::{Interpolation, Roots, Update};
-pub use solution::{Solution, solve};
+pub use isolux_wavefront::{ClusterColumns, LinkColumns};
+pub use solution::Solution;
+pub use solve::solve;
+pub use wavefront::Transported;
 
 /// Version of the program, recorded in every result.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");

@@ -1,6 +1,7 @@
 //! A solution as named flat arrays: what a solution file holds, whatever container it is put in.
 
-use crate::{RecordError, Report, Solution, Status, flat};
+use crate::wavefront::{TransportViolation, Transported};
+use crate::{RecordError, Report, Schedule, Solution, Status, flat};
 use isolux_core::kernels::visibility::Sight;
 use isolux_core::links::{Hierarchy, Link, Links};
 use isolux_core::scene::{AlphaMask, Camera, Corners, Image, Material, Object, Plane, Polygon, Scene, Side, Wrap};
@@ -8,12 +9,13 @@ use isolux_core::solution::{Light, Phase, Progress, SmoothPlan, Unobserved, Watc
 use isolux_core::tree::{Bsp, Element, ElementId, Elements, Path};
 use isolux_core::units::{Rgb, Unit};
 use isolux_core::{DVec2, DVec3};
+use isolux_wavefront::{ClusterColumns, LinkColumns};
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 use std::sync::{Arc, OnceLock};
 
 /// Format number that this version writes and reads.
-const FORMAT: u64 = 2;
+const FORMAT: u64 = 3;
 
 /// Numbers of one type.
 #[derive(Clone, Debug, PartialEq)]
@@ -208,8 +210,21 @@ pub(crate) fn write(solution: &Solution) -> Record {
     arrays.push(flat_array("elements/path", Data::U64(nodes.iter().map(|node| node.path.to_bits()).collect())));
     arrays.push(rgb_array("elements/radiosity", light.radiosities().iter().copied()));
     arrays.push(rgb_array("elements/irradiance", light.irradiances().iter().copied()));
+    match &solution.transport {
+        Some(transport) => transport_arrays(transport, &mut arrays),
+        None => link_arrays(links, light, &solution.vertex_irradiance, &mut arrays),
+    }
+    let attributes = serde_json::to_string(&attributes).unwrap_or_else(|error| {
+        // Only maps with keys that are not strings can fail, and there are none.
+        unreachable!("attributes are plain data: {error}")
+    });
+    Record { attributes, arrays }
+}
+
+/// What `sequential` leaves behind beyond elements and light.
+fn link_arrays(links: &Links, light: &Light, vertex_irradiance: &[Rgb], arrays: &mut Vec<Array>) {
     arrays.push(flat_array("elements/open_share", Data::F64(light.open_shares().to_vec())));
-    arrays.push(rgb_array("mesh/irradiance", solution.vertex_irradiance.iter().copied()));
+    arrays.push(rgb_array("mesh/irradiance", vertex_irradiance.iter().copied()));
     arrays.push(u32_array("links/receiver", links.iter().map(|(receiver, _)| receiver.0)));
     arrays.push(u32_array("links/source", links.iter().map(|(_, link)| link.source.0)));
     arrays.push(flat_array("links/form_factor", Data::F64(links.iter().map(|(_, link)| link.form_factor).collect())));
@@ -217,11 +232,29 @@ pub(crate) fn write(solution: &Solution) -> Record {
     arrays.push(flat_array("links/visibility", Data::F32(visibility)));
     let proven = links.iter().map(|(_, link)| u8::from(link.sight().is_some_and(|sight| sight.proven))).collect();
     arrays.push(flat_array("links/proven", Data::U8(proven)));
-    let attributes = serde_json::to_string(&attributes).unwrap_or_else(|error| {
-        // Only maps with keys that are not strings can fail, and there are none.
-        unreachable!("attributes are plain data: {error}")
-    });
-    Record { attributes, arrays }
+}
+
+/// What `wavefront` leaves behind beyond elements and light.
+fn transport_arrays(transport: &Transported, arrays: &mut Vec<Array>) {
+    let Transported { fields, links, clusters } = transport;
+    let table = |name: &str, shape: &[usize], data| Array { name: name.to_owned(), shape: shape.to_vec(), data };
+    let values = fields.iter().flatten().flatten().copied().collect();
+    arrays.push(table("elements/field", &[fields.len(), 5, 3], Data::F32(values)));
+    let count = links.receiver.len();
+    arrays.push(flat_array("links/receiver", Data::U32(links.receiver.clone())));
+    arrays.push(flat_array("links/source", Data::U32(links.source.clone())));
+    arrays.push(table("links/factors", &[count, 5], Data::F32(links.factors.as_flattened().to_vec())));
+    arrays.push(flat_array("links/visibility", Data::F32(links.visibility.clone())));
+    arrays.push(flat_array("links/proven", Data::U8(links.proven.clone())));
+    arrays.push(table("links/centre", &[count, 2], Data::F32(links.centre.as_flattened().to_vec())));
+    let count = clusters.parent.len();
+    arrays.push(table("clusters/centre", &[count, 3], Data::F64(clusters.centre.as_flattened().to_vec())));
+    arrays.push(flat_array("clusters/radius", Data::F32(clusters.radius.clone())));
+    arrays.push(flat_array("clusters/area", Data::F32(clusters.area.clone())));
+    arrays.push(flat_array("clusters/first", Data::U32(clusters.first.clone())));
+    arrays.push(flat_array("clusters/count", Data::U32(clusters.count.clone())));
+    arrays.push(flat_array("clusters/parent", Data::U32(clusters.parent.clone())));
+    arrays.push(flat_array("clusters/members", Data::U32(clusters.members.clone())));
 }
 
 /// Arrays of a record, to be taken out one by one with their expected shape.
@@ -333,10 +366,70 @@ pub(crate) fn read(record: Record) -> Result<Solution, RecordError> {
     let mut shelf = Shelf { arrays: record.arrays.into_iter().map(|array| (array.name.clone(), array)).collect() };
     let report = attributes.report.clone();
     let (scene, active) = read_scene(attributes, &mut shelf)?;
-    let hierarchy = read_hierarchy(&scene, &mut shelf)?;
     if let Err(error) = report.settings.validate() {
         return Err(inconsistent("attributes/report", error.to_string()));
     }
+    if report.schedule != report.settings.schedule {
+        return Err(inconsistent("attributes/report", "it names another schedule than its settings"));
+    }
+    let part = Part { scene, active, report };
+    match part.report.schedule {
+        Schedule::Wavefront => read_transported(part, &mut shelf),
+        Schedule::Sequential => read_linked(part, &mut shelf),
+    }
+}
+
+/// What is read whatever the schedule.
+struct Part {
+    scene: Scene,
+    active: Vec<bool>,
+    report: Report,
+}
+
+/// A solution of `wavefront`.
+fn read_transported(part: Part, shelf: &mut Shelf) -> Result<Solution, RecordError> {
+    let Part { scene, active, report } = part;
+    let elements = read_elements(&scene, shelf)?;
+    let radiosity = shelf.rgb("elements/radiosity", elements.len())?;
+    let irradiance = shelf.rgb("elements/irradiance", elements.len())?;
+    let light = Light::from_values(radiosity, irradiance, vec![1.0; elements.len()]);
+    let field = shelf.f32("elements/field", &[5, 3])?;
+    let links = LinkColumns {
+        receiver: shelf.u32("links/receiver", &[])?,
+        source: shelf.u32("links/source", &[])?,
+        factors: shelf.f32("links/factors", &[5])?.as_chunks().0.to_vec(),
+        visibility: shelf.f32("links/visibility", &[])?,
+        proven: shelf.u8("links/proven", &[])?,
+        centre: shelf.f32("links/centre", &[2])?.as_chunks().0.to_vec(),
+    };
+    let clusters = ClusterColumns {
+        centre: shelf.f64("clusters/centre", &[3])?.as_chunks().0.to_vec(),
+        radius: shelf.f32("clusters/radius", &[])?,
+        area: shelf.f32("clusters/area", &[])?,
+        first: shelf.u32("clusters/first", &[])?,
+        count: shelf.u32("clusters/count", &[])?,
+        parent: shelf.u32("clusters/parent", &[])?,
+        members: shelf.u32("clusters/members", &[])?,
+    };
+    let fields = field.as_chunks().0.as_chunks().0.to_vec();
+    let transport = Transported { fields, links, clusters };
+    transport.check(&scene, &elements, &light).map_err(|TransportViolation { name, what }| inconsistent(name, what))?;
+    Ok(Solution {
+        scene: Arc::new(scene),
+        bsp: OnceLock::new(),
+        hierarchy: Hierarchy { links: Links::new(elements.len()), elements, light },
+        active,
+        surfaces: OnceLock::new(),
+        vertex_irradiance: Vec::new(),
+        transport: Some(transport),
+        report,
+    })
+}
+
+/// A solution of `sequential`.
+fn read_linked(part: Part, shelf: &mut Shelf) -> Result<Solution, RecordError> {
+    let Part { scene, active, report } = part;
+    let hierarchy = read_hierarchy(&scene, shelf)?;
     let bsp = Bsp::build(&scene, report.settings.order);
     let unasked = &mut Unobserved;
     let watch = &mut Watch::new(unasked, Progress::of(Phase::Interpolation));
@@ -356,6 +449,7 @@ pub(crate) fn read(record: Record) -> Result<Solution, RecordError> {
         active,
         surfaces: surfaces.map_or_else(OnceLock::new, OnceLock::from),
         vertex_irradiance,
+        transport: None,
         report,
     })
 }
@@ -480,7 +574,7 @@ fn read_scene(attributes: Attributes, shelf: &mut Shelf) -> Result<(Scene, Vec<b
     Ok((scene, active))
 }
 
-fn read_hierarchy(scene: &Scene, shelf: &mut Shelf) -> Result<Hierarchy, RecordError> {
+fn read_elements(scene: &Scene, shelf: &mut Shelf) -> Result<Elements, RecordError> {
     let corners = shelf.corners("elements")?;
     let count = corners.len();
     let area = shelf.f64("elements/area", &[])?;
@@ -507,6 +601,12 @@ fn read_hierarchy(scene: &Scene, shelf: &mut Shelf) -> Result<Hierarchy, RecordE
     }
     let elements = Elements::from_nodes(nodes, scene.polygons.iter().map(|polygon| polygon.plane).collect());
     elements.check().map_err(|violation| inconsistent("elements", violation.to_string()))?;
+    Ok(elements)
+}
+
+fn read_hierarchy(scene: &Scene, shelf: &mut Shelf) -> Result<Hierarchy, RecordError> {
+    let elements = read_elements(scene, shelf)?;
+    let count = elements.len();
     let radiosity = shelf.rgb("elements/radiosity", count)?;
     let irradiance = shelf.rgb("elements/irradiance", count)?;
     let open_share = shelf.f64("elements/open_share", &[])?;

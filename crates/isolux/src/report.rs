@@ -1,6 +1,6 @@
 //! What a solve tells of itself: counts, residuals, energy, time.
 
-use crate::Settings;
+use crate::{Schedule, Settings};
 use isolux_core::kernels::Counts;
 use isolux_core::scene::Issue;
 use isolux_core::units::{Rgb, Unit};
@@ -10,12 +10,39 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Status {
-    /// The total radiosity settled.
+    /// The total radiosity settled; with `wavefront` the estimated error is below the one asked for, too.
     Converged,
-    /// `max_iterations` was reached first.
+    /// `max_iterations` (with `wavefront` the stages that it ever tries) were used up first.
     IterationLimit,
+    /// A bound that was asked for stopped it: the report names it.
+    Bounded,
     /// The observer stopped it; the solution is consistent but unfinished.
     Cancelled,
+}
+
+/// What the links are estimated to leave out, relative. Reflectances and emissions are taken as
+/// given.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ErrorEstimate {
+    /// RMS error of irradiance over all surfaces, relative to its mean.
+    pub total: f64,
+    /// The same of the darker half of the surfaces, relative to that half's mean; none where it was not looked at.
+    pub dark: Option<f64>,
+}
+
+/// One stage of `wavefront`: refinement, then gathers until the light settles.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct StageReport {
+    /// Elements at its end.
+    pub elements: u64,
+    /// Links at its end.
+    pub links: u64,
+    /// Gathers over all links.
+    pub passes: u32,
+    /// Estimated relative error at its end.
+    pub estimate: f64,
+    /// Seconds.
+    pub seconds: f64,
 }
 
 /// Links of the solution by visibility.
@@ -92,7 +119,7 @@ pub struct PhaseReport {
     pub seconds: f64,
 }
 
-/// Everything a solve tells of itself.
+/// Everything a solve tells of itself. What only one schedule has is none, or empty, with the other.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Report {
     /// Version of the program.
@@ -105,22 +132,28 @@ pub struct Report {
     pub unit: Unit,
     /// Settings as asked.
     pub settings: Settings,
+    /// How the solve was organised, as the settings say.
+    pub schedule: Schedule,
     /// How it ended.
     pub status: Status,
-    /// Absolute `BF_eps`, W/m² or lm/m².
-    pub bf_epsilon: f64,
-    /// Absolute `A_eps`, m².
+    /// The bound that stopped it, by the name of its setting.
+    pub bound: Option<String>,
+    /// Estimate of the error that is left (`wavefront`).
+    pub error_estimate: Option<ErrorEstimate>,
+    /// Absolute `BF_eps`, W/m² or lm/m² (`sequential`).
+    pub bf_epsilon: Option<f64>,
+    /// Absolute area below which elements are not split, m².
     pub area_epsilon: f64,
-    /// Relative `epsilon` on total radiosity.
-    pub energy_epsilon: f64,
+    /// Relative `epsilon` on total radiosity (`sequential`).
+    pub energy_epsilon: Option<f64>,
     /// Mean irradiance over the surfaces, W/m² or lm/m².
     pub mean_irradiance: Rgb,
     /// One-sided polygons (fronts, and backs of two-sided surfaces).
     pub polygons: u64,
     /// Backs that light reached, of how many there are.
     pub lit_backs: [u64; 2],
-    /// Fragments in the BSP tree.
-    pub fragments: u64,
+    /// Fragments in the BSP tree (`sequential`).
+    pub fragments: Option<u64>,
     /// Roots of quadtrees.
     pub roots: u64,
     /// Elements.
@@ -129,15 +162,19 @@ pub struct Report {
     pub leaves: u64,
     /// Elements by level, roots first.
     pub elements_by_level: Vec<u64>,
+    /// Clusters of polygons (`wavefront`).
+    pub clusters: u64,
     /// Links by visibility.
     pub links: LinkReport,
-    /// Kernel evaluations.
-    pub counts: Counts,
-    /// Each iteration.
+    /// Kernel evaluations (`sequential`).
+    pub counts: Option<Counts>,
+    /// Each iteration (`sequential`).
     pub iterations: Vec<IterationReport>,
-    /// Energy balance; none for a cancelled solve.
+    /// Each stage (`wavefront`).
+    pub stages: Vec<StageReport>,
+    /// Energy balance (`sequential`); none for a cancelled solve.
     pub energy: Option<Energy>,
-    /// Row sums; none for a cancelled solve.
+    /// Row sums (`sequential`); none for a cancelled solve.
     pub row_sum: Option<RowSum>,
     /// Seconds per phase.
     pub phases: Vec<PhaseReport>,

@@ -1,13 +1,14 @@
-//! The last pass of a solve on all cores: irradiance gathered at the sites of the smooth mesh (D19).
+//! Smooth surfaces from a solve's elements: gathered anew on all cores (D19), averaged, or blended from fields.
 
 use crate::pace::Pace;
 use isolux_core::kernels::Counts;
 use isolux_core::links::{Evaluator, Hierarchy};
 use isolux_core::scene::Scene;
 use isolux_core::solution::{
-    Flow, Gathered, Observer, Phase, Progress, Shadows, Site, SmoothPlan, SmoothSurfaces, Watch, irradiance_at_site,
+    Flow, Gathered, Observer, Phase, Progress, Shadows, Site, SmoothPlan, SmoothSurfaces, Unobserved, Watch,
+    irradiance_at_site,
 };
-use isolux_core::tree::ElementId;
+use isolux_core::tree::{Bsp, ElementId, Elements};
 use isolux_core::units::Rgb;
 use rayon::prelude::*;
 
@@ -87,6 +88,54 @@ pub(crate) fn gather(
     plan.uncover(evaluator.bsp, &covered, &mut values, &openness);
     let surfaces = plan.assemble(&values, &mut Watch::new(observer, stage(1.0)))?;
     Some((values, surfaces))
+}
+
+/// Surfaces from the means of leaves; `None` when the observer stopped it.
+pub(crate) fn average(
+    scene: &Scene,
+    bsp: &Bsp,
+    hierarchy: &Hierarchy,
+    observer: &mut dyn Observer,
+) -> Option<(Vec<Rgb>, SmoothSurfaces)> {
+    let Hierarchy { elements, light, .. } = hierarchy;
+    let mut watch = Watch::new(observer, Progress { elements: elements.len(), ..Progress::of(Phase::Interpolation) });
+    let plan = SmoothPlan::new(scene, bsp, elements, &mut watch)?;
+    let values = plan.averaged(light, &mut watch)?;
+    let surfaces = plan.assemble(&values, &mut watch)?;
+    Some((values, surfaces))
+}
+
+/// A vertex that has less than this share of what its leaves have on average may be covered: it is looked at whether
+/// something stands close above it. Beside a thing that stands on a floor its corner's shadow goes down to a tenth.
+const DARK: f64 = 0.02;
+
+/// How far from a vertex towards the middle of a leaf that leaf's field is read, in lengths of that way: far enough to be
+/// found in it, and a change of 1e-6 of what the field changes over the leaf.
+const NUDGE: f64 = 1e-6;
+
+/// Surfaces from fields of leaves: a vertex has the mean of what the fields around have there.
+pub(crate) fn blend(scene: &Scene, bsp: &Bsp, elements: &Elements, fields: &[[[f32; 3]; 5]]) -> Option<SmoothSurfaces> {
+    let unasked = &mut Unobserved;
+    let watch = &mut Watch::new(unasked, Progress::of(Phase::Interpolation));
+    let plan = SmoothPlan::new(scene, bsp, elements, watch)?;
+    let mut sums = vec![(Rgb::ZERO, 0.0); plan.vertices()];
+    let mut means = vec![0.0; plan.vertices()];
+    for (site, leaf, position) in plan.around() {
+        let element = elements.get(leaf);
+        let normal = scene.polygons[element.polygon as usize].plane.normal;
+        let centre = element.corners.mean();
+        let inside = position + (centre - position) * NUDGE;
+        let at = |point| isolux_wavefront::irradiance_at(elements, fields, element.polygon, normal, point);
+        sums[site].0 += at(inside);
+        sums[site].1 += 1.0;
+        means[site] += at(centre).mean();
+    }
+    let mut values: Vec<Rgb> = sums.iter().map(|&(sum, count)| sum / count).collect();
+    // Where everything around is as dark nothing is made better by looking.
+    let openness: Vec<f64> =
+        sums.iter().zip(means).map(|(&(sum, _), mean)| if sum.mean() < DARK * mean { 0.0 } else { 1.0 }).collect();
+    plan.uncover(bsp, &vec![false; plan.vertices()], &mut values, &openness);
+    plan.assemble(&values, watch)
 }
 
 /// Root of the area-weighted mean square by which leaves would change, relative to their mean irradiance.

@@ -5,7 +5,7 @@
 
 mod common;
 
-use common::{draft, shipped, solved};
+use common::{paper, shipped, solved};
 use isolux::core::kernels::Counts;
 use isolux::core::kernels::form_factor::FormFactor;
 use isolux::core::kernels::oracle::Thresholds;
@@ -37,7 +37,7 @@ fn parameters(settings: &Settings, bf: f64, area: f64) -> Parameters {
 }
 
 fn linked<'a>(scene: &'a Scene, bsp: &'a Bsp, roots: Roots) -> Solver<'a, Counts> {
-    let settings = Settings { roots, ..draft() };
+    let settings = Settings { roots, ..paper() };
     let mut solver: Solver<'_, Counts> = Solver::new(scene, bsp, parameters(&settings, 1.0, 1.0));
     assert_eq!(solver.link_roots(&mut Unobserved), Flow::Continue);
     solver.hierarchy().elements.check().unwrap();
@@ -57,7 +57,7 @@ fn d01_the_room_has_a_root_for_each_polygon() {
     ] {
         let bsp = Bsp::build(&scene, order);
         assert_eq!(bsp.fragments().len(), fragments, "{order:?}");
-        let parameters = |roots| parameters(&Settings { roots, ..draft() }, 1.0, 1.0);
+        let parameters = |roots| parameters(&Settings { roots, ..paper() }, 1.0, 1.0);
         let roots = |roots| Solver::<Counts>::new(&scene, &bsp, parameters(roots)).hierarchy().elements.roots();
         assert_eq!((roots(Roots::Polygons), roots(Roots::Fragments)), (346, fragments), "{order:?}");
     }
@@ -104,15 +104,15 @@ fn d07_pairs_without_a_link_face_away() {
 #[test]
 fn d15_stated_thresholds_make_the_same_hierarchy() {
     let scene = shipped("cornell");
-    let settings = Settings { interpolation: Interpolation::Averaged, ..draft() };
+    let settings = Settings { interpolation: Interpolation::Averaged, ..paper() };
     let solution = solved(&scene, &settings);
     let report = solution.report();
     let bsp = Bsp::build(&scene, InsertionOrder::AsGiven);
     let scale = pilot_irradiance(&scene, &bsp, settings.seed, &mut Unobserved).unwrap();
     // Formula 5 of docs/theory/hierarchy.md; 1e-12: a few roundings.
-    assert!((report.bf_epsilon / (0.25 * settings.error * scale) - 1.0).abs() < 1e-12);
+    assert!((report.bf_epsilon.unwrap() / (0.25 * settings.error * scale) - 1.0).abs() < 1e-12);
     assert!((report.area_epsilon / (0.004 * settings.error * settings.error * scene.area()) - 1.0).abs() < 1e-12);
-    let parameters = parameters(&settings, report.bf_epsilon, report.area_epsilon);
+    let parameters = parameters(&settings, report.bf_epsilon.unwrap(), report.area_epsilon);
     let mut solver: Solver<'_, Counts> = Solver::new(&scene, &bsp, parameters);
     assert_eq!(solver.link_roots(&mut Unobserved), Flow::Continue);
     while !solver.iterate(&mut Unobserved).unwrap().converged {}
@@ -129,7 +129,7 @@ fn d16_updates_in_place_save_iterations() {
     let bsp = Bsp::build(&scene, InsertionOrder::AsGiven);
     let scale = pilot_irradiance(&scene, &bsp, 0, &mut Unobserved).unwrap();
     let iterations = |update, error: f64| {
-        let settings = Settings { update, error, ..draft() };
+        let settings = Settings { update, error, ..paper() };
         let parameters = parameters(&settings, 0.25 * error * scale, 0.004 * error * error * scene.area());
         let mut solver: Solver<'_, Counts> = Solver::new(&scene, &bsp, parameters);
         assert_eq!(solver.link_roots(&mut Unobserved), Flow::Continue);
@@ -145,7 +145,7 @@ fn d16_updates_in_place_save_iterations() {
 /// T-junctions, and a restriction that splits more than it must.
 #[test]
 fn d20_restriction_adds_triangles() {
-    let solution = solved(&shipped("cornell"), &Settings { interpolation: Interpolation::Averaged, ..draft() });
+    let solution = solved(&shipped("cornell"), &Settings { interpolation: Interpolation::Averaged, ..paper() });
     let elements = &solution.hierarchy().elements;
     let plain: usize = elements.leaves().map(|leaf| elements.get(leaf).corners.len() - 2).sum();
     let restricted = solution.mesh().triangles.len();

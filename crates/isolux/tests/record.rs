@@ -4,15 +4,15 @@
 
 mod common;
 
-use common::{draft, irradiances, lit_box, points, scene, solved};
+use common::{draft, irradiances, lit_box, paper, points, scene, schedules, solved};
 use isolux::core::scene::{Alpha, AlphaMask, Image, Wrap};
 use isolux::core::units::Unit;
-use isolux::{Array, Data, Record, RecordError, Solution};
+use isolux::{Array, Data, Record, RecordError, Settings, Solution};
 use std::collections::HashMap;
 
 /// A solution with everything that a record can hold: a two-sided pane, a cut-out mask with texture coordinates, an
 /// image.
-fn rich() -> Solution {
+fn rich(settings: &Settings) -> Solution {
     let mut input = lit_box(0.5);
     let mut pane = input.materials[0].clone();
     pane.two_sided = true;
@@ -26,7 +26,12 @@ fn rich() -> Solution {
     let solid = vec![true, false, false, true];
     input.masks.push(AlphaMask { width: 2, height: 2, solid, cutoff: 0.75, wrap: [Wrap::Clamp; 2] });
     input.images.push(Image { name: "picture".into(), mime: "image/png".into(), bytes: vec![1, 2, 3] });
-    solved(&scene(input), &draft())
+    solved(&scene(input), settings)
+}
+
+/// One of every schedule.
+fn each() -> [Solution; 2] {
+    schedules().map(|(_, settings)| rich(&settings))
 }
 
 /// Name, shape and the bits of all numbers (texture coordinates hold NaN where there are none).
@@ -66,37 +71,41 @@ fn name_of(error: &RecordError) -> &str {
 /// Catches a number that is lost, rounded or moved on its way: record, report and answers come back bit for bit.
 #[test]
 fn a_record_comes_back_exactly() {
-    let solution = rich();
-    let record = solution.to_record();
-    let back = Solution::from_record(record.clone()).unwrap();
-    back.check().unwrap();
-    let again = back.to_record();
-    assert_eq!(record.attributes, again.attributes);
-    assert!(record.arrays.iter().map(bits).eq(again.arrays.iter().map(bits)));
-    assert_eq!(solution.report(), back.report());
-    assert_eq!(solution.scene().hash, back.scene().hash);
-    let points = points(solution.scene(), 2000, 1);
-    assert_eq!(irradiances(&solution, &points), irradiances(&back, &points));
-    assert_eq!(solution.mesh().triangles, back.mesh().triangles);
+    for solution in each() {
+        let record = solution.to_record();
+        let back = Solution::from_record(record.clone()).unwrap();
+        back.check().unwrap();
+        let again = back.to_record();
+        assert_eq!(record.attributes, again.attributes);
+        assert!(record.arrays.iter().map(bits).eq(again.arrays.iter().map(bits)));
+        assert_eq!(solution.report(), back.report());
+        assert_eq!(solution.scene().hash, back.scene().hash);
+        let points = points(solution.scene(), 2000, 1);
+        assert_eq!(irradiances(&solution, &points), irradiances(&back, &points));
+        assert_eq!(solution.mesh().triangles, back.mesh().triangles);
+    }
 }
 
 /// Catches facts of the scene that are lost between the arrays.
 #[test]
 fn joins_and_cutoffs_come_back() {
-    let solution = rich();
-    let back = Solution::from_record(solution.to_record()).unwrap();
-    assert_eq!(back.scene().joined, solution.scene().joined);
-    assert_eq!(back.scene().masks[0].cutoff, 0.75);
+    for solution in each() {
+        let back = Solution::from_record(solution.to_record()).unwrap();
+        assert_eq!(back.scene().joined, solution.scene().joined);
+        assert_eq!(back.scene().masks[0].cutoff, 0.75);
+    }
 }
 
 /// Catches an array that is not needed (then why is it stored?) or whose absence is not named.
 #[test]
 fn every_missing_array_is_named() {
-    let record = rich().to_record();
-    for index in 0..record.arrays.len() {
-        let mut broken = record.clone();
-        let name = broken.arrays.remove(index).name;
-        assert_eq!(reading(broken), RecordError::Missing { name });
+    for solution in each() {
+        let record = solution.to_record();
+        for index in 0..record.arrays.len() {
+            let mut broken = record.clone();
+            let name = broken.arrays.remove(index).name;
+            assert_eq!(reading(broken), RecordError::Missing { name });
+        }
     }
 }
 
@@ -104,73 +113,77 @@ fn every_missing_array_is_named() {
 /// array that it no longer matches, of the same group).
 #[test]
 fn every_wrong_shape_is_named() {
-    let record = rich().to_record();
-    for index in 0..record.arrays.len() {
-        let original = &record.arrays[index];
-        let name = original.name.clone();
-        let with = |array: Array| {
-            let mut broken = record.clone();
-            broken.arrays[index] = array;
-            reading(broken)
-        };
-        let other = if matches!(original.data, Data::U8(_)) { Data::F32(vec![]) } else { Data::U8(vec![]) };
-        let error = with(Array { data: other, ..original.clone() });
-        assert!(matches!(&error, RecordError::Shape { name: found, .. } if *found == name), "{name}: {error}");
-        let mut shape = original.shape.clone();
-        shape.push(1);
-        let error = with(Array { shape, ..original.clone() });
-        assert!(matches!(&error, RecordError::Shape { name: found, .. } if *found == name), "{name}: {error}");
-        let mut shape = original.shape.clone();
-        shape[0] += 1;
-        let error = with(Array { shape, ..original.clone() });
-        assert!(matches!(&error, RecordError::Shape { name: found, .. } if *found == name), "{name}: {error}");
-        if name.starts_with("scene/image") {
-            continue; // an image is what it is
+    for solution in each() {
+        let record = solution.to_record();
+        for index in 0..record.arrays.len() {
+            let original = &record.arrays[index];
+            let name = original.name.clone();
+            let with = |array: Array| {
+                let mut broken = record.clone();
+                broken.arrays[index] = array;
+                reading(broken)
+            };
+            let other = if matches!(original.data, Data::U8(_)) { Data::F32(vec![]) } else { Data::U8(vec![]) };
+            let error = with(Array { data: other, ..original.clone() });
+            assert!(matches!(&error, RecordError::Shape { name: found, .. } if *found == name), "{name}: {error}");
+            let mut shape = original.shape.clone();
+            shape.push(1);
+            let error = with(Array { shape, ..original.clone() });
+            assert!(matches!(&error, RecordError::Shape { name: found, .. } if *found == name), "{name}: {error}");
+            let mut shape = original.shape.clone();
+            shape[0] += 1;
+            let error = with(Array { shape, ..original.clone() });
+            assert!(matches!(&error, RecordError::Shape { name: found, .. } if *found == name), "{name}: {error}");
+            if name.starts_with("scene/image") {
+                continue; // an image is what it is
+            }
+            let mut shape = original.shape.clone();
+            shape[0] -= 1;
+            let entries: usize = shape.iter().product();
+            let data = match original.data.clone() {
+                Data::U8(values) => Data::U8(values[..entries].to_vec()),
+                Data::U32(values) => Data::U32(values[..entries].to_vec()),
+                Data::U64(values) => Data::U64(values[..entries].to_vec()),
+                Data::F32(values) => Data::F32(values[..entries].to_vec()),
+                Data::F64(values) => Data::F64(values[..entries].to_vec()),
+            };
+            let error = with(Array { shape, data, ..original.clone() });
+            let group = name.split('/').next().unwrap();
+            assert!(name_of(&error).starts_with(group), "{name}: {error}");
         }
-        let mut shape = original.shape.clone();
-        shape[0] -= 1;
-        let entries: usize = shape.iter().product();
-        let data = match original.data.clone() {
-            Data::U8(values) => Data::U8(values[..entries].to_vec()),
-            Data::U32(values) => Data::U32(values[..entries].to_vec()),
-            Data::U64(values) => Data::U64(values[..entries].to_vec()),
-            Data::F32(values) => Data::F32(values[..entries].to_vec()),
-            Data::F64(values) => Data::F64(values[..entries].to_vec()),
-        };
-        let error = with(Array { shape, data, ..original.clone() });
-        let group = name.split('/').next().unwrap();
-        assert!(name_of(&error).starts_with(group), "{name}: {error}");
     }
 }
 
 /// Catches a NaN, first or last, that gets into a solution through any array of numbers.
 #[test]
 fn every_nan_is_refused() {
-    let record = rich().to_record();
-    for index in 0..record.arrays.len() {
-        for last in [false, true] {
-            let mut broken = record.clone();
-            let name = broken.arrays[index].name.clone();
-            match &mut broken.arrays[index].data {
-                Data::F64(values) => {
-                    let at = if last { values.len() - 1 } else { 0 };
-                    // Where there are no texture coordinates NaN stands already, and the first tells.
-                    if !values[at].is_nan() {
-                        values[at] = f64::NAN;
-                    } else {
-                        continue;
+    for solution in each() {
+        let record = solution.to_record();
+        for index in 0..record.arrays.len() {
+            for last in [false, true] {
+                let mut broken = record.clone();
+                let name = broken.arrays[index].name.clone();
+                match &mut broken.arrays[index].data {
+                    Data::F64(values) => {
+                        let at = if last { values.len() - 1 } else { 0 };
+                        // Where there are no texture coordinates NaN stands already, and the first tells.
+                        if !values[at].is_nan() {
+                            values[at] = f64::NAN;
+                        } else {
+                            continue;
+                        }
                     }
+                    Data::F32(values) => {
+                        let at = if last { values.len() - 1 } else { 0 };
+                        values[at] = f32::NAN;
+                    }
+                    _ => continue,
                 }
-                Data::F32(values) => {
-                    let at = if last { values.len() - 1 } else { 0 };
-                    values[at] = f32::NAN;
+                let group = name.split('/').next().unwrap().to_owned();
+                match Solution::from_record(broken) {
+                    Err(error) => assert!(name_of(&error).starts_with(&group), "{name}: {error}"),
+                    Ok(_) => panic!("{name}: NaN got in"),
                 }
-                _ => continue,
-            }
-            let group = name.split('/').next().unwrap().to_owned();
-            match Solution::from_record(broken) {
-                Err(error) => assert!(name_of(&error).starts_with(&group), "{name}: {error}"),
-                Ok(_) => panic!("{name}: NaN got in"),
             }
         }
     }
@@ -179,27 +192,36 @@ fn every_nan_is_refused() {
 /// Catches an index that is followed out of its array.
 #[test]
 fn every_index_out_of_range_is_named() {
-    let record = rich().to_record();
-    for name in [
-        "scene/mask",
-        "scene/object",
-        "scene/material",
-        "scene/twin",
-        "scene/face_polygon",
-        "scene/faces",
-        "elements/polygon",
-        "elements/parent",
-        "elements/first_child",
-        "links/receiver",
-        "links/source",
-    ] {
-        for value in [u32::MAX - 1, 1 << 30] {
-            let mut broken = record.clone();
-            let Data::U32(values) = &mut array(&mut broken, name).data else { panic!("{name}") };
-            values[0] = value;
-            let error = reading(broken);
-            let group = name.split('/').next().unwrap();
-            assert!(name_of(&error).starts_with(group), "{name}: {error}");
+    for solution in each() {
+        let record = solution.to_record();
+        for name in [
+            "scene/mask",
+            "scene/object",
+            "scene/material",
+            "scene/twin",
+            "scene/face_polygon",
+            "scene/faces",
+            "elements/polygon",
+            "elements/parent",
+            "elements/first_child",
+            "links/receiver",
+            "links/source",
+            "clusters/first",
+            "clusters/parent",
+            "clusters/members",
+        ] {
+            if !record.arrays.iter().any(|array| array.name == name) {
+                assert!(name.starts_with("clusters") && solution.transport().is_none(), "{name}");
+                continue;
+            }
+            for value in [u32::MAX - 1, 1 << 30] {
+                let mut broken = record.clone();
+                let Data::U32(values) = &mut array(&mut broken, name).data else { panic!("{name}") };
+                values[0] = value;
+                let error = reading(broken);
+                let group = name.split('/').next().unwrap();
+                assert!(name_of(&error).starts_with(group), "{name}: {error}");
+            }
         }
     }
 }
@@ -243,7 +265,7 @@ fn altered_values_are_found() {
         }),
         ("links/source", "links", swap),
     ];
-    let record = rich().to_record();
+    let record = rich(&paper()).to_record();
     for (name, group, change) in cases {
         let mut broken = record.clone();
         change(&mut array(&mut broken, name).data);
@@ -257,13 +279,13 @@ fn altered_values_are_found() {
 /// Catches attributes that are not read with care: other formats, other hashes, what is missing, what is no JSON.
 #[test]
 fn attributes_are_checked() {
-    let record = rich().to_record();
+    let record = rich(&paper()).to_record();
     let with = |from: &str, to: &str| {
         assert!(record.attributes.contains(from), "{from}");
         reading(Record { attributes: record.attributes.replacen(from, to, 1), ..record.clone() })
     };
-    assert_eq!(with("\"format\":2", "\"format\":1"), RecordError::Format { found: 1, supported: 2 });
-    assert_eq!(with("\"format\":2", "\"form\":2"), RecordError::Missing { name: "attributes/format".into() });
+    assert_eq!(with("\"format\":3", "\"format\":2"), RecordError::Format { found: 2, supported: 3 });
+    assert_eq!(with("\"format\":3", "\"form\":3"), RecordError::Missing { name: "attributes/format".into() });
     assert_eq!(name_of(&with("{", "[")), "attributes");
     assert_eq!(name_of(&with("\"fronts\"", "\"front\"")), "attributes");
     assert_eq!(name_of(&with("\"fronts\":8", "\"fronts\":800")), "attributes/fronts");
@@ -271,6 +293,9 @@ fn attributes_are_checked() {
     assert_eq!(name_of(&with("\"unit\":\"lm\"", "\"unit\":\"W\"")), "attributes/unit");
     assert_eq!(name_of(&with("\"unit\":\"lm\"", "\"unit\":\"candles\"")), "attributes");
     assert_eq!(name_of(&with("\"max_iterations\":100", "\"max_iterations\":0")), "attributes/report");
+    // Of report and settings, the report comes last.
+    let (settings, report) = ("\"settings\":{\"schedule\":\"sequential\"", "\"settings\":{\"schedule\":\"wavefront\"");
+    assert_eq!(name_of(&with(settings, report)), "attributes/report");
     let hash = "\"scene_hash\":\"";
     let start = record.attributes.find(hash).unwrap() + hash.len();
     let digit = if record.attributes.as_bytes()[start] == b'0' { "1" } else { "0" };
@@ -296,7 +321,7 @@ fn the_unit_comes_back() {
 /// way only as far as the file says, is counted twice, or is called proven where rays estimated it.
 #[test]
 fn links_that_contradict_each_other_are_refused() {
-    let mut record = rich().to_record();
+    let mut record = rich(&paper()).to_record();
     let take = |record: &mut Record, name: &str| match &array(record, name).data {
         Data::U32(values) => values.clone(),
         other => panic!("{name} holds {other:?}"),
@@ -367,7 +392,7 @@ fn links_that_contradict_each_other_are_refused() {
 /// Catches a whole solve's smooth values left out of its file, which only a cancelled one may do.
 #[test]
 fn smooth_values_may_be_left_out_of_what_was_cancelled_only() {
-    let record = rich().to_record();
+    let record = rich(&paper()).to_record();
     let mut broken = record.clone();
     *array(&mut broken, "mesh/irradiance") =
         Array { name: "mesh/irradiance".into(), shape: vec![0, 3], data: Data::F64(vec![]) };
@@ -376,4 +401,77 @@ fn smooth_values_may_be_left_out_of_what_was_cancelled_only() {
     let solution = Solution::from_record(broken).unwrap();
     solution.check().unwrap();
     assert!(irradiances(&solution, &points(solution.scene(), 100, 1)).iter().all(|value| *value > 0.0));
+}
+
+/// Catches arrays of the fast engine that fit each other in shape and not in meaning: every invariant of fields, links
+/// and clusters, broken one by one.
+#[test]
+fn what_the_fast_engine_leaves_is_checked() {
+    let record = rich(&draft()).to_record();
+    let refused = |name: &str, change: &dyn Fn(&mut Data), what: &str| {
+        let mut broken = record.clone();
+        change(&mut array(&mut broken, name).data);
+        let error = reading(broken).to_string();
+        assert!(error.contains(what), "{name}: {error}");
+    };
+    let set = |at: usize, value: f64| {
+        move |data: &mut Data| match data {
+            Data::U8(values) => values[at] = value as u8,
+            Data::U32(values) => values[at] = value as u32,
+            Data::F32(values) => values[at] = value as f32,
+            Data::F64(values) => values[at] = value,
+            Data::U64(_) => panic!("no such array"),
+        }
+    };
+    refused("elements/field", &set(7, f64::INFINITY), "of element 0, not all values are finite");
+    refused("elements/irradiance", &set(4, -1.0), "of element 1, not all values are finite and not negative");
+    let scaled = |data: &mut Data| match data {
+        Data::F64(values) => values.iter_mut().for_each(|value| *value *= 1.001),
+        other => panic!("{other:?}"),
+    };
+    refused("elements/irradiance", &scaled, "violates B = E + rho H");
+    let roots = |data: &mut Data| match data {
+        Data::F64(values) => values[..3].iter_mut().for_each(|value| *value *= 1.5),
+        other => panic!("{other:?}"),
+    };
+    refused("elements/radiosity", &roots, "element 0 is not the mean of its children");
+    let last = match &record.arrays.iter().find(|array| array.name == "links/receiver").unwrap().data {
+        Data::U32(values) => values.len() - 1,
+        other => panic!("{other:?}"),
+    };
+    refused("links/receiver", &set(last, 0.0), &format!("link {last} is not in ascending order"));
+    let itself = {
+        let mut broken = record.clone();
+        let Data::U32(receiver) = array(&mut broken, "links/receiver").data.clone() else { panic!() };
+        f64::from(receiver[3])
+    };
+    refused("links/source", &set(3, itself), "link 3 leads from a node to itself");
+    refused("links/source", &set(3, 4e9), "link 3 has no such end");
+    refused("links/factors", &set(11, -1e-6), "of link 2, not all are finite and not negative");
+    refused("links/visibility", &set(2, 1.01), "1.01 of link 2 is not within 0 and 1");
+    refused("links/proven", &set(1, 2.0), "2 is neither 0 nor 1");
+    let doubt = |data: &mut Data| match data {
+        Data::U8(values) => values.fill(1),
+        other => panic!("{other:?}"),
+    };
+    refused("links/proven", &doubt, "is proven, but its visibility is not 1");
+    refused("links/centre", &set(9, 1.5), "of link 4 it is not within 0 and 1");
+    refused("clusters/members", &set(0, 1e6), "there is no polygon 1000000");
+    let twice = |data: &mut Data| match data {
+        Data::U32(values) => values[1] = values[0],
+        other => panic!("{other:?}"),
+    };
+    refused("clusters/members", &twice, "occurs twice");
+    refused("clusters/parent", &set(0, 0.0), "cluster 0 does not come after its parent");
+    refused("clusters/parent", &set(1, 1.0), "cluster 1 does not come after its parent");
+    refused("clusters/count", &set(1, 1e6), "members of cluster 1 are not its parent's");
+    refused("clusters/count", &set(1, 0.0), "members of cluster 1 are not its parent's");
+    refused("clusters/centre", &set(4, f64::NAN), "that of cluster 1 is not finite");
+    refused("clusters/radius", &set(1, -1.0), "-1 of cluster 1 is no radius");
+    refused("clusters/area", &set(1, 0.0), "0 of cluster 1 is no area");
+    // Two roots that change places: each would answer for the other.
+    let mut broken = record.clone();
+    let Data::U32(polygon) = &mut array(&mut broken, "elements/polygon").data else { panic!() };
+    polygon.swap(0, 1);
+    assert!(name_of(&reading(broken)).starts_with("elements"));
 }

@@ -22,10 +22,12 @@ __all__ = [
     "ProgressMode",
     "ProgressOption",
     "Units",
+    "bytes_of",
     "check_target",
     "exposure_factor",
     "load_scene",
     "point",
+    "seconds_of",
     "size",
     "write_json",
 ]
@@ -144,6 +146,30 @@ def size(text: str) -> tuple[int, int]:
     if not (0 < width <= 32768 and 0 < height <= 32768):
         raise _wrong("--size", f"'{text}' is not WIDTHxHEIGHT, each from 1 to 32768")
     return width, height
+
+
+def bytes_of(text: str | None) -> int | None:
+    """``2G``, ``500M``, or a number of bytes; units are powers of 1024."""
+    if text is None:
+        return None
+    message = f"'{text}' is neither a number of bytes nor one with K, M, G or T"
+    plain = text.strip().upper().removesuffix("IB").removesuffix("B")
+    unit = 1024 ** ("KMGT".index(plain[-1]) + 1) if plain[-1:] and plain[-1] in "KMGT" else 1
+    amount = _positive("--memory", plain if unit == 1 else plain[:-1], message) * unit
+    if not 1.0 <= amount < 2.0**63:
+        raise _wrong("--memory", message)
+    return int(amount)
+
+
+def seconds_of(text: str | None) -> float | None:
+    """``30``, ``30s``, ``2m`` or ``1h``."""
+    if text is None:
+        return None
+    plain = text.strip().lower()
+    units = {"s": 1.0, "m": 60.0, "h": 3600.0}
+    unit = units.get(plain[-1:])
+    message = f"'{text}' is neither a number of seconds nor one with s, m or h"
+    return _positive("--time", plain if unit is None else plain[:-1], message) * (unit or 1.0)
 
 
 def exposure_factor(text: str | None, automatic: float) -> float:

@@ -15,8 +15,10 @@ from isolux.cli.options import (
     JsonTarget,
     ProgressOption,
     Units,
+    bytes_of,
     check_target,
     load_scene,
+    seconds_of,
     write_json,
 )
 from isolux.cli.progress import showing
@@ -26,8 +28,9 @@ __all__ = ["solve"]
 
 NOT_CONVERGED, CANCELLED = 4, 130
 
-_EPSILONS = "Expert: epsilons"
-_METHOD = "Expert: method"
+_WAVEFRONT = "Schedule wavefront"
+_EPSILONS = "Schedule sequential, expert: epsilons"
+_METHOD = "Schedule sequential, expert: method"
 
 
 def solve(
@@ -45,14 +48,60 @@ def solve(
         Literal["draft", "preview", "production", "final"] | None,
         typer.Option(help="A name for an error: 0.2, 0.1, 0.05, 0.02."),
     ] = None,
+    schedule: Annotated[
+        Literal["wavefront", "sequential"],
+        typer.Option(
+            help="wavefront: rounds on all cores until the estimated error is the one asked for; sequential: "
+            "the paper's method."
+        ),
+    ] = "wavefront",
     threads: Jobs = 0,
     seed: Annotated[int, typer.Option(metavar="N", help="Seed of every pseudo-random choice.")] = 0,
-    max_iterations: Annotated[
-        int, typer.Option(metavar="N", help="Give up after these (exit code 4).")
-    ] = 100,
     units: Units = None,
     json: JsonTarget = None,
     progress: ProgressOption = "auto",
+    dark: Annotated[
+        float | None,
+        typer.Option(
+            metavar="E",
+            help="Asked error of the darker half, relative to its mean.",
+            rich_help_panel=_WAVEFRONT,
+        ),
+    ] = None,
+    max_elements: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N", help="Stop before there are more elements (exit code 4).", rich_help_panel=_WAVEFRONT
+        ),
+    ] = None,
+    min_area: Annotated[
+        float | None,
+        typer.Option(
+            metavar="A",
+            help="Smallest element to split, of the whole area.  [default: 1e-8]",
+            rich_help_panel=_WAVEFRONT,
+        ),
+    ] = None,
+    memory: Annotated[
+        str | None,
+        typer.Option(
+            metavar="BYTES",
+            help="Stop before more memory is taken, e.g. 2G or 500M (exit code 4).",
+            rich_help_panel=_WAVEFRONT,
+        ),
+    ] = None,
+    time: Annotated[
+        str | None,
+        typer.Option(
+            metavar="SECONDS",
+            help="Stop after this time, e.g. 30s or 2m (exit code 4).",
+            rich_help_panel=_WAVEFRONT,
+        ),
+    ] = None,
+    max_iterations: Annotated[
+        int,
+        typer.Option(metavar="N", help="Give up after these (exit code 4).", rich_help_panel=_EPSILONS),
+    ] = 100,
     bf_eps: Annotated[
         float | None,
         typer.Option(
@@ -133,6 +182,8 @@ def solve(
         isolux solve room.glb -o room.isolux --quality preview -j 2
 
         isolux solve room.obj --units cm -o room.isolux --error 0.02 --json report.json
+
+        isolux solve room.glb -o room.isolux --error 0.01 --time 2m --memory 2G
     """
     if quality is not None and error is not None:
         raise typer.BadParameter(
@@ -140,7 +191,13 @@ def solve(
         )
     chosen = _isolux.quality_error(quality) if quality is not None else 0.05 if error is None else error
     fields: dict[str, Any] = {
+        "schedule": schedule,
         "error": chosen,
+        "dark": dark,
+        "max_elements": max_elements,
+        "min_area": min_area,
+        "memory": bytes_of(memory),
+        "time": seconds_of(time),
         "bf_epsilon": bf_eps,
         "partial_visibility": partial_visibility,
         "partial_form_factor": partial_form_factor,
@@ -185,7 +242,14 @@ def _show(solution: isolux.Solution, out: Path, json: str | None) -> int:
         case "converged":
             return 0
         case "iteration-limit":
-            say(f"warning: not converged in {len(report.iterations)} iterations; the result is in {out}")
+            steps = (
+                f"{len(report.stages)} stages" if report.stages else f"{len(report.iterations)} iterations"
+            )
+            say(f"warning: not converged in {steps}; the result is in {out}")
+            return NOT_CONVERGED
+        case "bounded":
+            bound = "a bound" if report.bound is None else f"the bound --{report.bound.replace('_', '-')}"
+            say(f"warning: stopped by {bound} before it converged; the result is in {out}")
             return NOT_CONVERGED
         case "cancelled":
             say(f"cancelled; what was computed is in {out}")

@@ -12,8 +12,9 @@ from isolux.scene import total_power
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from isolux.report import Bands, Issue, Report, Unit
+    from isolux.report import Bands, ErrorEstimate, Issue, Report, Unit
     from isolux.scene import Light, Material, Scene
+    from isolux.settings import Settings
 
 __all__ = ["issues", "lights", "materials", "report", "scene"]
 
@@ -94,24 +95,38 @@ def issues(issues: Sequence[Issue]) -> Table:
 def report(report: Report, target: str) -> Table:
     """What a solve tells of itself."""
     links = report.links
-    residual = f", last change {report.iterations[-1].residual:.2g}" if report.iterations else ""
     rows = [
         ("scene", report.scene),
-        ("status", report.status),
-        ("asked error", f"{report.settings.error:g}"),
+        ("schedule", report.schedule),
+        ("status", report.status if report.bound is None else f"{report.status} ({report.bound})"),
+        ("asked error", _asked(report.settings)),
+    ]
+    if report.error_estimate is not None:
+        rows.append(("estimated error", _estimate(report.error_estimate)))
+    rows += [
         ("mean irradiance", f"{_bands(report.mean_irradiance)} {report.unit}/m²"),
         ("polygons", f"{report.polygons:,} ({report.lit_backs[0]:,} of {report.lit_backs[1]:,} backs lit)"),
         (
             "elements",
             f"{report.elements:,} ({report.leaves:,} leaves, {len(report.elements_by_level)} levels)",
         ),
+    ]
+    if report.clusters:
+        rows.append(("clusters", f"{report.clusters:,}"))
+    rows.append(
         (
             "links",
             f"{links.total:,} ({links.full:,} visible, {links.partial:,} partly, {links.none:,} hidden)",
-        ),
-        ("visibilities", f"{report.counts.visibilities:,} ({report.counts.rays:,} rays)"),
-        ("iterations", f"{len(report.iterations)}{residual}"),
-    ]
+        )
+    )
+    if report.counts is not None:
+        rows.append(("visibilities", f"{report.counts.visibilities:,} ({report.counts.rays:,} rays)"))
+    if report.iterations:
+        residual = report.iterations[-1].residual
+        rows.append(("iterations", f"{len(report.iterations)}, last change {residual:.2g}"))
+    if report.stages:
+        passes = sum(stage.passes for stage in report.stages)
+        rows.append(("stages", f"{len(report.stages)} ({passes} gathers)"))
     if report.energy is not None:
         energy = report.energy
         rows.append(
@@ -135,6 +150,16 @@ def report(report: Report, target: str) -> Table:
         rows.append(("peak memory", f"{report.peak_memory / 2**20:,.0f} MiB"))
     rows.append(("result", target))
     return _pairs(rows)
+
+
+def _asked(settings: Settings) -> str:
+    dark = "" if settings.dark is None else f", dark half {settings.dark:g}"
+    return f"{settings.error:g}{dark}"
+
+
+def _estimate(estimate: ErrorEstimate) -> str:
+    dark = "" if estimate.dark is None else f", dark half {estimate.dark:.2g}"
+    return f"{estimate.total:.2g}{dark}"
 
 
 def _pairs(rows: Iterable[tuple[str, str]]) -> Table:

@@ -285,6 +285,14 @@ impl<'a> SmoothPlan<'a> {
         self.centres
     }
 
+    /// Each leaf with each vertex on its outline: the vertex as a site, the leaf, and where the vertex is (no inset).
+    pub fn around(&self) -> impl Iterator<Item = (usize, ElementId, DVec3)> {
+        self.leaves.iter().flat_map(|(leaf, vertices)| {
+            let outline = self.builder.outline(&self.builder.elements.get(*leaf).corners);
+            vertices.iter().zip(outline).map(|(&(site, _), (_, position, _))| (site as usize, *leaf, position))
+        })
+    }
+
     /// Irradiance at the vertices from that of the leaves around them: means weighted by inverse distance to the
     /// leaves' centres; at borders continued linearly, so that a leaf's mean is kept. `None` when the watch says stop.
     pub fn averaged(&self, light: &Light, watch: &mut Watch<'_>) -> Option<Vec<Rgb>> {

@@ -14,7 +14,7 @@ pub use request::{
     SwitchesRequest,
 };
 
-use crate::Settings;
+use crate::{Schedule, Settings};
 use isolux_core::kernels::form_factor::FormFactor;
 use isolux_core::kernels::oracle::Thresholds;
 use isolux_core::kernels::visibility::{Covered, Rays, Sampling};
@@ -191,6 +191,7 @@ impl StudyProblem {
     /// Settings out of range, and a scene without light.
     pub fn new(scene: Arc<Scene>, settings: StudySettings) -> Result<StudyProblem, StudyError> {
         let check = Settings {
+            schedule: Schedule::Sequential,
             bf_epsilon: Some(settings.bf_epsilon),
             area_epsilon: Some(settings.area_epsilon),
             energy_epsilon: Some(settings.energy_epsilon),

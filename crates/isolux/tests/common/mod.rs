@@ -9,7 +9,7 @@ use inputs::{Make, empty, grey, v};
 use isolux::core::sampling::Stream;
 use isolux::core::scene::{BuildOptions, Scene, SceneInput};
 use isolux::core::solution::Unobserved;
-use isolux::{Settings, Solution, solve};
+use isolux::{Schedule, Settings, Solution, solve};
 use std::sync::Arc;
 
 /// A shipped scene as read.
@@ -31,6 +31,16 @@ pub fn shipped(name: &str) -> Arc<Scene> {
 /// Settings for quick tests.
 pub fn draft() -> Settings {
     Settings { error: 0.2, threads: 1, ..Settings::default() }
+}
+
+/// The same with the paper's method.
+pub fn paper() -> Settings {
+    Settings { schedule: Schedule::Sequential, ..draft() }
+}
+
+/// Quick settings of every schedule, by name.
+pub fn schedules() -> [(&'static str, Settings); 2] {
+    [draft(), paper()].map(|settings| (settings.schedule.name(), settings))
 }
 
 /// Solves and checks.

@@ -1,0 +1,395 @@
+//! The schedule `wavefront`: a scene and settings go to the fast engine, whose outcome becomes a solution; what that holds
+//! beyond elements and light, and the invariants of it.
+
+use crate::report::{ErrorEstimate, LinkReport, PhaseReport, StageReport};
+use crate::solve::report;
+use crate::{Report, Settings, SettingsError, Solution, SolveError, Status};
+use isolux_core::links::{Hierarchy, Links};
+use isolux_core::scene::Scene;
+use isolux_core::solution::{Flow, Light, Observer, Phase, Progress};
+use isolux_core::tree::{ElementId, Elements};
+use isolux_core::units::Rgb;
+use isolux_wavefront::{ClusterColumns, LinkColumns, Outcome, Prepared, Request, Stage};
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::sync::{Arc, OnceLock};
+use std::time::{Duration, Instant};
+use thiserror::Error;
+
+/// Between two looks at the observer while the engine works: Ctrl-C feels immediate.
+const INTERVAL: Duration = Duration::from_millis(20);
+
+/// Marks a cluster without parent.
+const NONE: u32 = u32::MAX;
+
+/// Values of single precision that follow from four or five others: each operation rounds by 6e-8.
+const ROUNDING: f64 = 1e-6;
+
+/// The engine weighs children by areas in single precision, from corners in single precision about the scene's middle: of
+/// a leaf whose side is 1e-4 of the scene's they are off by a thousandth. This share of the children's spread is left to
+/// that.
+const UNEVEN: f64 = 1e-2;
+
+/// What the engine leaves behind beyond elements and their mean light.
+///
+/// Nodes are numbered elements first, then clusters: node `elements + c` is cluster `c`.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Transported {
+    /// Irradiance by element at its corners (the last of a triangle counts for nothing) and its middle, W/m² or lm/m²; of
+    /// inner elements it means nothing.
+    pub fields: Vec<[[f32; 3]; 5]>,
+    /// Links, in ascending order of their receivers.
+    pub links: LinkColumns,
+    /// The hierarchy above the polygons.
+    pub clusters: ClusterColumns,
+}
+
+/// What comes back from the engine's threads.
+struct Finished {
+    outcome: Outcome,
+    stages: Vec<Stage>,
+    phases: Vec<PhaseReport>,
+}
+
+/// Solves a scene that has light, by settings that are valid. Of a cancelled solve there are only its polygons, with no
+/// light but their own.
+pub(crate) fn solve(
+    scene: Arc<Scene>,
+    settings: &Settings,
+    observer: &mut dyn Observer,
+) -> Result<Solution, SolveError> {
+    let request = Request { error: settings.error, least_area: settings.least_area(), seed: settings.seed };
+    let finished = run(&scene, settings.threads, request, observer)?;
+    let start = Instant::now();
+    let mut status = Status::Cancelled;
+    let (outcome, stages, mut phases) = match finished {
+        Some(Finished { outcome, stages, phases }) => {
+            let estimate = stages.last().map_or(0.0, |stage| stage.estimate);
+            status = if estimate <= settings.error { Status::Converged } else { Status::IterationLimit };
+            (outcome, stages, phases)
+        }
+        None => (bare(&scene), Vec::new(), Vec::new()),
+    };
+    let done = Progress { done: 1.0, links: outcome.links.receiver.len(), ..Progress::of(Phase::Iteration) };
+    if status != Status::Cancelled && observer.observe(&done) == Flow::Stop {
+        status = Status::Cancelled;
+    }
+    let Outcome { elements, radiosity, irradiance, fields, links, clusters } = outcome;
+    let open_share = vec![1.0; elements.len()];
+    let light = Light::from_values(radiosity, irradiance, open_share);
+    let transport = Transported { fields, links: in_order(links), clusters };
+    let mut active = vec![true; scene.polygons.len()];
+    for (back, active) in active.iter_mut().enumerate().skip(scene.fronts) {
+        *active = light.irradiance(ElementId(back as u32)) != Rgb::ZERO;
+    }
+    let mut report = Report {
+        area_epsilon: settings.least_area() * scene.area(),
+        error_estimate: stages.last().map(|stage| ErrorEstimate { total: stage.estimate, dark: None }),
+        clusters: transport.clusters.parent.len() as u64,
+        links: by_visibility(&transport.links),
+        stages: stages
+            .iter()
+            .map(|stage| StageReport {
+                elements: stage.elements as u64,
+                links: stage.links as u64,
+                passes: stage.passes,
+                estimate: stage.estimate,
+                seconds: stage.seconds.iter().sum(),
+            })
+            .collect(),
+        ..report(&scene, settings, status, &elements, &light, &active)
+    };
+    phases.push(PhaseReport { name: "report".into(), seconds: start.elapsed().as_secs_f64() });
+    report.phases = phases;
+    Ok(Solution {
+        scene,
+        bsp: OnceLock::new(),
+        hierarchy: Hierarchy { links: Links::new(elements.len()), elements, light },
+        active,
+        surfaces: OnceLock::new(),
+        vertex_irradiance: Vec::new(),
+        transport: Some(transport),
+        report,
+    })
+}
+
+/// Runs the engine on so many threads, while the caller's thread asks the observer; `None` when that says stop. The engine
+/// then works on for nobody.
+fn run(
+    scene: &Arc<Scene>,
+    threads: usize,
+    request: Request,
+    observer: &mut dyn Observer,
+) -> Result<Option<Finished>, SolveError> {
+    let state = Progress { elements: scene.polygons.len(), ..Progress::of(Phase::Tree) };
+    if observer.observe(&state) == Flow::Stop {
+        return Ok(None);
+    }
+    let refused = |_| SettingsError::Value {
+        name: "threads",
+        value: threads.to_string(),
+        expected: "as many threads as the system grants",
+    };
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(refused)?;
+    let (sender, receiver) = channel();
+    let scene = scene.clone();
+    pool.spawn(move || {
+        let finished = catch_unwind(AssertUnwindSafe(|| work(&scene, &request)));
+        // Nobody may be there any more to take it.
+        let _ = sender.send(finished);
+    });
+    loop {
+        match receiver.recv_timeout(INTERVAL) {
+            Ok(Ok(finished)) => return Ok(Some(finished)),
+            Ok(Err(panic)) => resume_unwind(panic),
+            Err(RecvTimeoutError::Disconnected) => return Err(SolveError::Internal("a thread was lost".into())),
+            Err(RecvTimeoutError::Timeout) => {
+                if observer.observe(&Progress { phase: Phase::Iteration, ..state }) == Flow::Stop {
+                    return Ok(None);
+                }
+            }
+        }
+    }
+}
+
+fn work(scene: &Arc<Scene>, request: &Request) -> Finished {
+    let start = Instant::now();
+    let prepared = Prepared::new(scene.clone());
+    let tree = start.elapsed().as_secs_f64();
+    let solved = prepared.solve(request);
+    let start = Instant::now();
+    let outcome = solved.outcome(scene);
+    let columns = start.elapsed().as_secs_f64();
+    let stages = solved.stages;
+    let sum = |part: usize| stages.iter().map(|stage| stage.seconds[part]).sum::<f64>();
+    let phases = [("tree", tree), ("links", sum(0)), ("light", sum(1)), ("columns", columns)];
+    let phases = phases.map(|(name, seconds)| PhaseReport { name: name.to_owned(), seconds }).to_vec();
+    Finished { outcome, stages, phases }
+}
+
+/// The scene's polygons with no light but their own.
+fn bare(scene: &Scene) -> Outcome {
+    let planes = scene.polygons.iter().map(|polygon| polygon.plane).collect();
+    let roots = scene.polygons.iter().enumerate().map(|(index, polygon)| (polygon.corners, index as u32));
+    let count = scene.polygons.len();
+    Outcome {
+        elements: Elements::new(roots, planes),
+        radiosity: scene.polygons.iter().map(|polygon| polygon.emission).collect(),
+        irradiance: vec![Rgb::ZERO; count],
+        fields: vec![[[0.0; 3]; 5]; count],
+        links: LinkColumns::default(),
+        clusters: ClusterColumns::default(),
+    }
+}
+
+/// Links in ascending order of their receivers, those of one receiver as they come.
+fn in_order(links: LinkColumns) -> LinkColumns {
+    if links.receiver.is_sorted() {
+        return links;
+    }
+    let mut order: Vec<u32> = (0..links.receiver.len() as u32).collect();
+    order.sort_by_key(|&index| links.receiver[index as usize]);
+    fn taken<T: Copy>(values: &[T], order: &[u32]) -> Vec<T> {
+        order.iter().map(|&index| values[index as usize]).collect()
+    }
+    LinkColumns {
+        receiver: taken(&links.receiver, &order),
+        source: taken(&links.source, &order),
+        factors: taken(&links.factors, &order),
+        visibility: taken(&links.visibility, &order),
+        proven: taken(&links.proven, &order),
+        centre: taken(&links.centre, &order),
+    }
+}
+
+fn by_visibility(links: &LinkColumns) -> LinkReport {
+    let count = |is: fn(f32) -> bool| links.visibility.iter().filter(|&&visibility| is(visibility)).count() as u64;
+    LinkReport {
+        total: links.visibility.len() as u64,
+        full: count(|visibility| visibility >= 1.0),
+        partial: count(|visibility| visibility > 0.0 && visibility < 1.0),
+        none: count(|visibility| visibility <= 0.0),
+    }
+}
+
+/// A broken invariant of what the engine leaves behind.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[error("{name}: {what}")]
+pub(crate) struct TransportViolation {
+    /// The array, as in a record.
+    pub(crate) name: &'static str,
+    /// What is wrong.
+    pub(crate) what: String,
+}
+
+fn wrong(name: &'static str, what: impl Into<String>) -> TransportViolation {
+    TransportViolation { name, what: what.into() }
+}
+
+/// Every column of a table has one entry per row.
+fn same_lengths(rows: usize, columns: &[(&'static str, usize)]) -> Result<(), TransportViolation> {
+    columns.iter().try_for_each(|&(name, length)| {
+        if length == rows { Ok(()) } else { Err(wrong(name, format!("{length} rows, expected {rows}"))) }
+    })
+}
+
+impl Transported {
+    /// Checks the invariants; elements must be sound, see [`Elements::check`]:
+    ///
+    /// - the roots are the scene's polygons, in order;
+    /// - one finite field, mean radiosity and mean irradiance per element, means not negative;
+    /// - leaves fulfil `B = E + rho H`, parents have the means of their children, weighted by area, both to the engine's
+    ///   single precision;
+    /// - both ends of a link exist and differ; factors are finite and not negative; visibilities lie in `[0, 1]` and are 1
+    ///   where that is proven; centres lie in `[0, 1]²`; receivers ascend;
+    /// - of clusters, only the first has no parent, the others come after theirs; members are polygons, each once; those of
+    ///   a cluster lie among those of its parent; places, radii and areas are finite, areas above 0.
+    ///
+    /// # Errors
+    /// The first violation.
+    pub(crate) fn check(&self, scene: &Scene, elements: &Elements, light: &Light) -> Result<(), TransportViolation> {
+        let polygons = scene.polygons.len();
+        let is_own = |root: usize| elements.as_slice()[root].polygon as usize == root;
+        if elements.roots() != polygons || !(0..polygons).all(is_own) {
+            return Err(wrong("elements/polygon", "the roots are not the scene's polygons in their order"));
+        }
+        self.check_light(scene, elements, light)?;
+        self.check_clusters(polygons)?;
+        self.check_links(elements.len())
+    }
+
+    fn check_light(&self, scene: &Scene, elements: &Elements, light: &Light) -> Result<(), TransportViolation> {
+        let (radiosities, irradiances) = (light.radiosities(), light.irradiances());
+        let columns = [
+            ("elements/field", self.fields.len()),
+            ("elements/radiosity", radiosities.len()),
+            ("elements/irradiance", irradiances.len()),
+        ];
+        same_lengths(elements.len(), &columns)?;
+        if let Some(index) = self.fields.iter().position(|field| !field.iter().flatten().all(|value| value.is_finite()))
+        {
+            return Err(wrong("elements/field", format!("of element {index}, not all values are finite")));
+        }
+        for (name, values) in [("elements/radiosity", radiosities), ("elements/irradiance", irradiances)] {
+            let broken = values.iter().position(|value| !value.is_finite() || value.min_component() < 0.0);
+            if let Some(index) = broken {
+                return Err(wrong(name, format!("of element {index}, not all values are finite and not negative")));
+            }
+        }
+        for id in (0..elements.len() as u32).map(ElementId) {
+            if elements.is_leaf(id) {
+                let polygon = &scene.polygons[elements.get(id).polygon as usize];
+                let expected = polygon.emission + polygon.reflectance * light.irradiance(id);
+                if !agree(light.radiosity(id), expected, Rgb::ZERO) {
+                    return Err(wrong("elements/radiosity", format!("leaf {} violates B = E + rho H", id.0)));
+                }
+                continue;
+            }
+            for (name, values) in [("elements/radiosity", radiosities), ("elements/irradiance", irradiances)] {
+                let children = || elements.children(id).map(|child| values[child.index()]);
+                let areas = elements.children(id).map(|child| elements.get(child).area);
+                let mean = children().zip(areas).map(|(value, area)| value * area).sum::<Rgb>() / elements.get(id).area;
+                let spread = Rgb([0, 1, 2].map(|band| {
+                    let band = || children().map(|value| value[band]);
+                    band().fold(f64::NEG_INFINITY, f64::max) - band().fold(f64::INFINITY, f64::min)
+                }));
+                if !agree(values[id.index()], mean, spread) {
+                    return Err(wrong(name, format!("element {} is not the mean of its children", id.0)));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn check_links(&self, elements: usize) -> Result<(), TransportViolation> {
+        let LinkColumns { receiver, source, factors, visibility, proven, centre } = &self.links;
+        let columns = [
+            ("links/source", source.len()),
+            ("links/factors", factors.len()),
+            ("links/visibility", visibility.len()),
+            ("links/proven", proven.len()),
+            ("links/centre", centre.len()),
+        ];
+        same_lengths(receiver.len(), &columns)?;
+        let nodes = elements + self.clusters.parent.len();
+        for (name, ends) in [("links/receiver", receiver), ("links/source", source)] {
+            if let Some(index) = ends.iter().position(|&end| end as usize >= nodes) {
+                return Err(wrong(name, format!("link {index} has no such end: there are {nodes} nodes")));
+            }
+        }
+        if let Some(index) = receiver.windows(2).position(|pair| pair[0] > pair[1]) {
+            return Err(wrong("links/receiver", format!("link {} is not in ascending order", index + 1)));
+        }
+        if let Some(index) = (0..receiver.len()).find(|&index| receiver[index] == source[index]) {
+            return Err(wrong("links/source", format!("link {index} leads from a node to itself")));
+        }
+        let is_factor = |factor: &f32| factor.is_finite() && *factor >= 0.0;
+        if let Some(index) = factors.iter().position(|factors| !factors.iter().all(is_factor)) {
+            return Err(wrong("links/factors", format!("of link {index}, not all are finite and not negative")));
+        }
+        if let Some(index) = visibility.iter().position(|visibility| !(0.0..=1.0).contains(visibility)) {
+            let found = visibility[index];
+            return Err(wrong("links/visibility", format!("{found} of link {index} is not within 0 and 1")));
+        }
+        for (index, &proven) in proven.iter().enumerate() {
+            if proven > 1 {
+                return Err(wrong("links/proven", format!("{proven} is neither 0 nor 1")));
+            }
+            if proven == 1 && visibility[index] < 1.0 {
+                return Err(wrong("links/proven", format!("link {index} is proven, but its visibility is not 1")));
+            }
+        }
+        let is_inside = |centre: &[f32; 2]| centre.iter().all(|along| (0.0..=1.0).contains(along));
+        match centre.iter().position(|centre| !is_inside(centre)) {
+            Some(index) => Err(wrong("links/centre", format!("of link {index} it is not within 0 and 1"))),
+            None => Ok(()),
+        }
+    }
+
+    fn check_clusters(&self, polygons: usize) -> Result<(), TransportViolation> {
+        let ClusterColumns { centre, radius, area, first, count, parent, members } = &self.clusters;
+        let columns = [
+            ("clusters/centre", centre.len()),
+            ("clusters/radius", radius.len()),
+            ("clusters/area", area.len()),
+            ("clusters/first", first.len()),
+            ("clusters/count", count.len()),
+        ];
+        same_lengths(parent.len(), &columns)?;
+        let mut is_member = vec![false; polygons];
+        for &member in members {
+            match is_member.get_mut(member as usize) {
+                Some(seen) if !*seen => *seen = true,
+                Some(_) => return Err(wrong("clusters/members", format!("polygon {member} occurs twice"))),
+                None => return Err(wrong("clusters/members", format!("there is no polygon {member}"))),
+            }
+        }
+        let range = |index: usize| u64::from(first[index])..u64::from(first[index]) + u64::from(count[index]);
+        for index in 0..parent.len() {
+            let above = parent[index];
+            if (above == NONE) != (index == 0) || above != NONE && above as usize >= index {
+                return Err(wrong("clusters/parent", format!("cluster {index} does not come after its parent")));
+            }
+            let outer = if above == NONE { 0..members.len() as u64 } else { range(above as usize) };
+            let own = range(index);
+            if own.is_empty() || own.start < outer.start || own.end > outer.end {
+                return Err(wrong("clusters/count", format!("members of cluster {index} are not its parent's")));
+            }
+            if !centre[index].iter().all(|along| along.is_finite()) {
+                return Err(wrong("clusters/centre", format!("that of cluster {index} is not finite")));
+            }
+            if !(radius[index].is_finite() && radius[index] >= 0.0) {
+                return Err(wrong("clusters/radius", format!("{} of cluster {index} is no radius", radius[index])));
+            }
+            if !(area[index].is_finite() && area[index] > 0.0) {
+                return Err(wrong("clusters/area", format!("{} of cluster {index} is no area", area[index])));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Are values those expected, but for rounding and a share of `spread`?
+fn agree(found: Rgb, expected: Rgb, spread: Rgb) -> bool {
+    (0..3).all(|band| (found[band] - expected[band]).abs() <= ROUNDING * expected[band].abs() + UNEVEN * spread[band])
+}
