@@ -1,4 +1,5 @@
-use isolux_wavefront::{Prepared, Request};
+//! Development: solves a scene and writes irradiances at points.
+use isolux_wavefront::{Control, Prepared, Request};
 use std::io::Write;
 fn main() {
     let args: Vec<String> = std::env::args().collect();
@@ -13,24 +14,36 @@ fn main() {
     let scene = std::sync::Arc::new(scene);
     let prepared = Prepared::new(scene.clone());
     eprintln!("trees {:.3}", start.elapsed().as_secs_f64());
-    if std::env::var("PROBE").is_ok() {
-        prepared.probe();
-    }
     for error in &args[3..] {
         let start = std::time::Instant::now();
-        let solved = prepared.solve(&Request { error: error.parse().unwrap(), least_area: 1e-8, seed: 0 });
+        let solved = prepared.solve(
+            &Request {
+                error: error.parse().unwrap(),
+                dark: std::env::var("DARK").ok().map(|d| d.parse().unwrap()),
+                least_area: 1e-8,
+                seed: 0,
+                max_elements: None,
+                memory: None,
+                time: Some(25.0),
+            },
+            &Control::default(),
+        );
         let seconds = start.elapsed().as_secs_f64();
-        if std::env::var("DUMP").is_ok() {
-            solved.dump();
-        }
         for s in &solved.stages {
             eprintln!(
-                "  el {:7} links {:8} dark {:7} passes {:3} est {:.4} parts {:.4?} eval {} packets {} sec {:.3?}",
-                s.elements, s.links, s.dark, s.passes, s.estimate, s.parts, s.evaluated, s.packets, s.seconds
+                "  el {:7} links {:8} dark {:7} passes {:?} est {:.4} parts {:.4?} eval {:?} sec {:.3?} check {:.4?}",
+                s.elements,
+                s.links,
+                s.dark_links,
+                s.passes,
+                s.by_links,
+                s.parts,
+                s.evaluated,
+                s.seconds,
+                s.check.map(|c| (c.rms, c.dark, c.bias))
             );
         }
-        println!("asked {error} seconds {seconds:.3}");
-        // points: face u32, barycentric 3 x f64
+        println!("asked {error} seconds {seconds:.3} estimate {:.4?} {:?}", solved.estimate, solved.bound);
         let raw = std::fs::read(&args[2]).unwrap();
         let mut out = std::fs::File::create(format!("{}.{}.out", args[2], error)).unwrap();
         let mut bytes = Vec::new();

@@ -91,6 +91,11 @@ impl Clusters {
         Clusters { nodes, order, area_before }
     }
 
+    /// Bytes that it takes.
+    pub(crate) fn memory(&self) -> usize {
+        size_of_val(&self.nodes[..]) + size_of_val(&self.order[..]) + size_of_val(&self.area_before[..])
+    }
+
     /// Members of a cluster.
     pub(crate) fn members(&self, cluster: u32) -> &[u32] {
         let node = &self.nodes[cluster as usize];

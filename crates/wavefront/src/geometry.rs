@@ -186,21 +186,13 @@ impl Filter for Geometry {
 const MOST_PASSED: u32 = 64;
 
 impl Geometry {
-    /// The lit side that a ray from a surface sees and where, and the share of light that gets through: chance decides at
-    /// surfaces that let some pass. Nothing for black backs, and where the ray leaves the scene.
-    pub(crate) fn look(
-        &self,
-        from: Vec3,
-        normal: Vec3,
-        direction: Vec3,
-        far: f32,
-        stream: &mut Stream,
-    ) -> (Option<(u32, Vec3)>, f32) {
+    /// The lit side that a ray from a surface sees, and where; chance decides at surfaces that let light pass. Nothing for
+    /// black backs, and where the ray leaves the scene.
+    pub(crate) fn look(&self, from: Vec3, normal: Vec3, direction: Vec3, stream: &mut Stream) -> Option<(u32, Vec3)> {
         let mut near = self.tolerance / normal.dot(direction).max(1e-6);
+        let far = 4.0 * self.scene.diameter as f32;
         for _ in 0..MOST_PASSED {
-            let far = if far.is_finite() { far } else { 4.0 * self.scene.diameter as f32 };
-            let hit = self.bvh.closest(self.backend, from.to_array(), direction.to_array(), near, far);
-            let Some(hit) = hit else { return (None, 1.0) };
+            let hit = self.bvh.closest(self.backend, from.to_array(), direction.to_array(), near, far)?;
             let polygon = self.polygon_of[hit.primitive as usize];
             let front = &self.scene.polygons[polygon as usize];
             let stops = front.mask.is_none() && front.opacity >= 1.0
@@ -208,11 +200,11 @@ impl Geometry {
             if stops {
                 let faces = self.surfaces[polygon as usize].normal.dot(direction) < 0.0;
                 let side = if faces { Some(polygon) } else { front.twin };
-                return (side.map(|side| (side, from + direction * hit.t)), 1.0);
+                return side.map(|side| (side, from + direction * hit.t));
             }
             near = hit.t + 2.0 * self.tolerance;
         }
-        (None, 1.0)
+        None
     }
 
     /// 1 where light gets from one point to another, 0 where it does not; chance decides at surfaces that let some pass.

@@ -1,8 +1,22 @@
-//! The fast engine.
+//! The fast engine: hierarchical radiosity in flat rounds on all cores. A scene and an asked error go in; quadtrees, links
+//! and light come out, with how wrong they may be.
+//!
+//! 1. [`Prepared`]: single precision about the scene's middle, a tree of eight children a node for rays, clusters above
+//!    polygons, and the lines along which surfaces touch.
+//! 2. Stages ([`Prepared::solve`]). Each refines links in rounds (evaluate all, keep or split each, go on with the parts),
+//!    gathers over them until light settles, gathers once more at the leaves' own points, and asks independent rays how
+//!    wrong that is. The first stage is coarse; each later one lets links leave less, until the asked error is reached.
+//! 3. [`Solved::outcome`]: everything by number.
+//!
+//! Every parallel loop writes its results in the order of its inputs and every sum has a fixed order, so that results are
+//! the same bits with any number of threads. Random choices are drawn from names of places, never from a clock or an order
+//! of work.
 
+mod backs;
 mod check;
 mod clusters;
 mod contacts;
+mod control;
 mod evaluate;
 mod field;
 mod geometry;
@@ -17,5 +31,6 @@ mod rounds;
 mod solve;
 
 pub use check::Check;
+pub use control::{Bound, Control};
 pub use outcome::{ClusterColumns, LinkColumns, Outcome, irradiance_at};
-pub use solve::{Prepared, Request, Solved, Stage};
+pub use solve::{Estimate, Prepared, Request, Solved, Stage};

@@ -19,6 +19,9 @@ pub(crate) type Field = [Bands; 5];
 /// A function of direction, per band.
 pub(crate) type Directional = [Bands; 9];
 
+/// Most that a reflection is taken to leave: mean errors are claimed to grow tenfold at most.
+const MOST_KEPT: f64 = 0.9;
+
 const DARK: Field = [[0.0; 3]; 5];
 
 /// Root mean square over bands.
@@ -172,6 +175,21 @@ impl Light {
 
     pub(crate) fn coherent(&self, node: u32) -> f32 {
         if node & CLUSTER == 0 { self.coherent[node as usize] } else { 0.0 }
+    }
+
+    /// Share of light that a reflection leaves, by the mean reflectance where light falls: at most that much of a mean error
+    /// comes back.
+    pub(crate) fn contraction(&self, transport: &crate::rounds::Transport) -> f64 {
+        let (mut kept, mut all) = (0.0_f64, 0.0_f64);
+        for (polygon, surface) in transport.geometry.surfaces.iter().enumerate() {
+            let weight = f64::from(transport.elements[polygon].area * self.open[polygon]);
+            for band in 0..3 {
+                let irradiance = f64::from(self.irradiance[polygon][band]) * weight;
+                kept += f64::from(surface.reflectance[band]) * irradiance;
+                all += irradiance;
+            }
+        }
+        if all > 0.0 { (kept / all).min(MOST_KEPT) } else { 0.0 }
     }
 
     fn weight(&self, irradiance: f32) -> f32 {

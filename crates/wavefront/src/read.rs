@@ -3,19 +3,7 @@
 use crate::geometry::{Element, Geometry, NONE};
 use crate::light::{Bands, Field, Light};
 use crate::link::MIDDLE;
-use crate::solve::Solved;
 use glam::{DVec3, Vec3};
-
-pub(crate) fn leaf(solved: &Solved, polygon: u32, point: Vec3) -> usize {
-    let elements = &solved.transport.elements;
-    let mut index = polygon as usize;
-    let normal = solved.geometry.surfaces[polygon as usize].normal;
-    while elements[index].first_child != NONE {
-        let element = &elements[index];
-        index = element.first_child as usize + quadrant(element, normal, point);
-    }
-    index
-}
 
 /// Irradiance at a point of a polygon, in the middle's coordinates.
 pub(crate) fn field_at(geometry: &Geometry, elements: &[Element], light: &Light, polygon: u32, point: Vec3) -> Bands {

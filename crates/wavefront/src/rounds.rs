@@ -3,6 +3,7 @@
 
 use crate::clusters::Clusters;
 use crate::contacts::split;
+use crate::control::{Bound, Budget};
 use crate::evaluate::{A_RECEIVES, B_RECEIVES, Evaluator};
 use crate::geometry::{Element, Geometry, NONE};
 use crate::light::{Light, rms};
@@ -13,6 +14,9 @@ use std::sync::Arc;
 
 /// Pairs that one task evaluates.
 const CHUNK: usize = 128;
+
+/// Pairs between two looks at the bounds: some 30 ms of one core.
+const SLICE: usize = 1 << 16;
 
 /// Nodes and patches that a proof of clearness may look at.
 const SHAFT_BUDGET: u32 = 24;
@@ -81,9 +85,11 @@ impl Transport {
         Evaluator { geometry: &self.geometry, clusters: &self.clusters, elements: &self.elements, seed: self.seed }
     }
 
-    /// Refines everything that leaves more than `limit` in today's light.
-    pub(crate) fn refine(&mut self, light: &mut Light, limit: Limit) {
+    /// Refines everything that leaves more than `limit` in today's light. Where a bound of `budget` is broken before all is
+    /// done, what is open is kept as it is; where it is a stop, all links are again what they were.
+    pub(crate) fn refine(&mut self, light: &mut Light, limit: Limit, budget: &Budget<'_>) -> Option<Bound> {
         let mut open: Vec<Open> = Vec::new();
+        let before = (self.links.clone(), self.dark.clone(), self.alone.clone());
         let evaluator = self.evaluator();
         let is_open = |link: &Link| verdict(link, &evaluator, light, limit.error, limit.area) != Verdict::Keep;
         let opened = |links: &[Link]| -> Vec<bool> { links.par_iter().with_min_len(1024).map(is_open).collect() };
@@ -100,18 +106,27 @@ impl Transport {
         }
         let alone = std::mem::take(&mut self.alone);
         open.extend(alone.into_iter().map(|c| Open::Pair(Pair { a: c, b: c, wants: A_RECEIVES, clear: false })));
-        if self.links.is_empty() && std::env::var("NOCL").is_ok() {
-            open.clear();
-            for a in 0..self.geometry.scene.fronts as u32 {
-                for b in 0..a {
-                    open.push(Open::Pair(Pair { a, b, wants: 3, clear: false }));
-                }
-            }
-        }
+        let (mut bound, mut now) = (None, limit);
         while !open.is_empty() {
-            open = self.round(&open, light, limit);
+            let mut next = Vec::new();
+            for slice in open.chunks(SLICE) {
+                if bound.is_none() {
+                    bound = budget
+                        .broken(self.elements.len(), self.links.len() + self.dark.len() + open.len() + next.len());
+                    if bound.is_some() {
+                        now = Limit { error: f32::INFINITY, ..limit };
+                    }
+                }
+                if bound == Some(Bound::Stop) {
+                    (self.links, self.dark, self.alone) = before;
+                    return bound;
+                }
+                next.extend(self.round(slice, light, now));
+            }
+            open = next;
         }
         self.links.par_sort_by_key(|link| (link.receiver & CLUSTER == 0, link.receiver));
+        bound
     }
 
     fn round(&mut self, open: &[Open], light: &mut Light, limit: Limit) -> Vec<Open> {
