@@ -24,7 +24,7 @@ fn main() {
                 seed: 0,
                 max_elements: None,
                 memory: None,
-                time: Some(25.0),
+                time: Some(std::env::var("TIME").map_or(25.0, |t| t.parse().unwrap())),
             },
             &Control::default(),
         );

@@ -10,6 +10,10 @@ use glam::Vec3;
 use isolux_simd::factor::{Polygon, point_factors};
 use std::f32::consts::FRAC_1_PI;
 
+/// Corners where what a receiver may get at most is asked are moved towards its middle by this share: in the plane of a wall
+/// that stands on the border its factor is 0 from one side and 1/2 from the other.
+const CORNER_INSET: f32 = 0.01;
+
 /// Distance of middles, in sums of radii, below which nodes are neighbours.
 const NEAR: f32 = 1.5;
 
@@ -93,7 +97,8 @@ impl Evaluator<'_> {
         let back = if wants & B_RECEIVES != 0 { back } else { [0.0; 5] };
         let any = |factors: &[f32; 5]| factors.iter().any(|&factor| factor > 0.0);
         if !any(&there) && !any(&back) {
-            return [None, None];
+            let link = |bit, receiver, source| if wants & bit != 0 { self.straddling(receiver, source) } else { None };
+            return [link(A_RECEIVES, a, b), link(B_RECEIVES, b, a)];
         }
         let [at_a, at_b] = self.between(a, b, clear, last);
         // Few of 16 rays between neighbours carry most of the light: where it comes from is then asked of the quarters.
@@ -102,10 +107,16 @@ impl Evaluator<'_> {
             if near && sight.state.visibility == 255 {
                 sight.state = sight.state.from(self.centre_by_quarters(receiver, source));
             }
+            if !any(&factors) {
+                return self.straddling(receiver, source);
+            }
             let factors = std::array::from_fn(|k| factors[k] * sight.at[k]);
-            any(&factors).then_some(Link { receiver, source, factors, state: sight.state })
+            Some(Link { receiver, source, factors, state: sight.state })
         };
-        [link(a, b, there, at_a), link(b, a, back, at_b)]
+        [
+            if wants & A_RECEIVES != 0 { link(a, b, there, at_a) } else { None },
+            if wants & B_RECEIVES != 0 { link(b, a, back, at_b) } else { None },
+        ]
     }
 
     /// Unoccluded factors of both directions.
@@ -121,6 +132,18 @@ impl Evaluator<'_> {
             reconcile(&mut back, y.count, x.area / y.area * mean(&there, x.count));
         }
         (there, back)
+    }
+
+    /// A link of a receiver all of whose points are behind the source, though a corner is not: it carries nothing, and says
+    /// how much its parts may receive.
+    fn straddling(&self, receiver: u32, source: u32) -> Option<Link> {
+        let (x, y) = (&self.elements[receiver as usize], &self.elements[source as usize]);
+        let centre = x.centre();
+        let corners = std::array::from_fn(|k| x.corners[k.min(3)] + (centre - x.corners[k.min(3)]) * CORNER_INSET);
+        let factors = self.factors_at(&corners, x, y);
+        let most = factors.iter().fold(0.0_f32, |most, &factor| most.max(factor));
+        let state = State::new(128, byte(most).max(1), State::few(0.0), State::GRAZING, [0.5; 2]);
+        (most > 0.0).then_some(Link { receiver, source, factors: [0.0; 5], state })
     }
 
     /// Where on a source light comes from, on average over a receiver: middles of the source's quarters by their factors.
@@ -143,7 +166,10 @@ impl Evaluator<'_> {
 
     /// Unoccluded factors at the points of `receiver`.
     pub(crate) fn factors(&self, receiver: &Element, source: &Element) -> [f32; 5] {
-        let points = points(receiver);
+        self.factors_at(&points(receiver), receiver, source)
+    }
+
+    fn factors_at(&self, points: &[Vec3; 5], receiver: &Element, source: &Element) -> [f32; 5] {
         let mut lanes = [[0.0; 8]; 3];
         for k in 0..8 {
             let point = points[k.min(MIDDLE)];

@@ -41,7 +41,8 @@ impl State {
     pub(crate) const SATURATED: u8 = 16;
     /// Balls around the nodes overlap: the link says how much there may be, not how much there is.
     pub(crate) const BROAD: u8 = 32;
-    /// The plane of one cuts through the other.
+    /// The plane of one cuts through the other. Between elements: it does so between the receiver's points and a corner; the
+    /// spread then tells the corner's factor, in 255ths.
     pub(crate) const GRAZING: u8 = 64;
     /// All rays were blocked. The factors are what there would be without what blocks; none of it counts.
     pub(crate) const DARK: u8 = 128;

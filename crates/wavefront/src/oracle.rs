@@ -73,6 +73,10 @@ pub(crate) fn errors(link: &Link, evaluator: &Evaluator<'_>, light: &Light) -> E
         return Errors::default();
     }
     let state = link.state;
+    if state.is(State::GRAZING) && (link.receiver | link.source) & CLUSTER == 0 {
+        // Its corners may receive as much, its points nothing.
+        return Errors { receiver: STEP * value * f32::from(state.spread) / 255.0, ..Errors::default() };
+    }
     let spread = f32::from(state.spread) / 255.0;
     let visibility = f32::from(state.visibility) / 255.0;
     let (from, own) = evaluator.ball(link.receiver);
