@@ -489,7 +489,13 @@ def check(batches: int | None) -> None:
     Points that are covered by a contact get nothing, and are counted apart.
     """
     print("| shape | rho | mean E / exact - 1 | its standard error | RMS of (E - exact) / se | covered |")
-    for name, rho in (("furnace", 0.2), ("furnace", 0.5), ("furnace", 0.8), ("thin_wall", 0.5), ("slit", 0.7)):
+    for name, rho in (
+        ("furnace", 0.2),
+        ("furnace", 0.5),
+        ("furnace", 0.8),
+        ("thin_wall", 0.5),
+        ("slit", 0.7),
+    ):
         path = scene_file(name, harness.SCENES)
         shape, record = harness.read_glb(path), record_of(path)
         surfaces = harness.Surfaces(
