@@ -6,10 +6,10 @@ use crate::solve::report;
 use crate::{Report, Settings, SettingsError, Solution, SolveError, Status};
 use isolux_core::links::{Hierarchy, Links};
 use isolux_core::scene::Scene;
-use isolux_core::solution::{Flow, Light, Observer, Phase, Progress};
+use isolux_core::solution::{Flow, Light, Observer, Phase, Progress, Update};
 use isolux_core::tree::{ElementId, Elements};
 use isolux_core::units::Rgb;
-use isolux_wavefront::{ClusterColumns, LinkColumns, Outcome, Prepared, Request, Stage};
+use isolux_wavefront::{Bound, ClusterColumns, Control, Estimate, LinkColumns, Outcome, Prepared, Request, Stage};
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Arc, OnceLock};
@@ -21,14 +21,6 @@ const INTERVAL: Duration = Duration::from_millis(20);
 
 /// Marks a cluster without parent.
 const NONE: u32 = u32::MAX;
-
-/// Values of single precision that follow from four or five others: each operation rounds by 6e-8.
-const ROUNDING: f64 = 1e-6;
-
-/// The engine weighs children by areas in single precision, from corners in single precision about the scene's middle: of
-/// a leaf whose side is 1e-4 of the scene's they are off by a thousandth. This share of the children's spread is left to
-/// that.
-const UNEVEN: f64 = 1e-2;
 
 /// What the engine leaves behind beyond elements and their mean light.
 ///
@@ -48,6 +40,8 @@ pub struct Transported {
 struct Finished {
     outcome: Outcome,
     stages: Vec<Stage>,
+    estimate: Option<Estimate>,
+    bound: Option<Bound>,
     phases: Vec<PhaseReport>,
 }
 
@@ -58,25 +52,30 @@ pub(crate) fn solve(
     settings: &Settings,
     observer: &mut dyn Observer,
 ) -> Result<Solution, SolveError> {
-    let request = Request { error: settings.error, least_area: settings.least_area(), seed: settings.seed };
+    let request = Request {
+        error: settings.error,
+        dark: settings.dark,
+        least_area: settings.least_area(),
+        seed: settings.seed,
+        max_elements: settings.max_elements,
+        memory: settings.memory,
+        time: settings.time,
+    };
     let finished = run(&scene, settings.threads, request, observer)?;
     let start = Instant::now();
     let mut status = Status::Cancelled;
-    let (outcome, stages, mut phases) = match finished {
-        Some(Finished { outcome, stages, phases }) => {
-            let estimate = stages.last().map_or(0.0, |stage| stage.estimate);
-            status = if estimate <= settings.error { Status::Converged } else { Status::IterationLimit };
-            (outcome, stages, phases)
+    let (outcome, stages, estimate, mut phases) = match finished {
+        Some(Finished { outcome, stages, estimate, bound, phases }) => {
+            status = status_of(bound);
+            (outcome, stages, estimate, phases)
         }
-        None => (bare(&scene), Vec::new(), Vec::new()),
+        None => (bare(&scene), Vec::new(), None, Vec::new()),
     };
     let done = Progress { done: 1.0, links: outcome.links.receiver.len(), ..Progress::of(Phase::Iteration) };
     if status != Status::Cancelled && observer.observe(&done) == Flow::Stop {
         status = Status::Cancelled;
     }
-    let Outcome { elements, radiosity, irradiance, fields, links, clusters } = outcome;
-    let open_share = vec![1.0; elements.len()];
-    let light = Light::from_values(radiosity, irradiance, open_share);
+    let Outcome { elements, light, fields, links, clusters } = outcome;
     let transport = Transported { fields, links: in_order(links), clusters };
     let mut active = vec![true; scene.polygons.len()];
     for (back, active) in active.iter_mut().enumerate().skip(scene.fronts) {
@@ -84,7 +83,7 @@ pub(crate) fn solve(
     }
     let mut report = Report {
         area_epsilon: settings.least_area() * scene.area(),
-        error_estimate: stages.last().map(|stage| ErrorEstimate { total: stage.estimate, dark: None }),
+        error_estimate: estimate.map(|estimate| ErrorEstimate { total: estimate.total, dark: Some(estimate.dark) }),
         clusters: transport.clusters.parent.len() as u64,
         links: by_visibility(&transport.links),
         stages: stages
@@ -92,8 +91,8 @@ pub(crate) fn solve(
             .map(|stage| StageReport {
                 elements: stage.elements as u64,
                 links: stage.links as u64,
-                passes: stage.passes,
-                estimate: stage.estimate,
+                passes: stage.passes.iter().sum(),
+                estimate: stage.by_links,
                 seconds: stage.seconds.iter().sum(),
             })
             .collect(),
@@ -113,8 +112,8 @@ pub(crate) fn solve(
     })
 }
 
-/// Runs the engine on so many threads, while the caller's thread asks the observer; `None` when that says stop. The engine
-/// then works on for nobody.
+/// Runs the engine on so many threads, while the caller's thread asks the observer; when that says stop, the engine ends with
+/// what its last whole stage had. `None` where it was never begun.
 fn run(
     scene: &Arc<Scene>,
     threads: usize,
@@ -133,8 +132,10 @@ fn run(
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(refused)?;
     let (sender, receiver) = channel();
     let scene = scene.clone();
+    let control = Arc::new(Control::default());
+    let shared = control.clone();
     pool.spawn(move || {
-        let finished = catch_unwind(AssertUnwindSafe(|| work(&scene, &request)));
+        let finished = catch_unwind(AssertUnwindSafe(|| work(&scene, &request, &shared)));
         // Nobody may be there any more to take it.
         let _ = sender.send(finished);
     });
@@ -144,27 +145,40 @@ fn run(
             Ok(Err(panic)) => resume_unwind(panic),
             Err(RecvTimeoutError::Disconnected) => return Err(SolveError::Internal("a thread was lost".into())),
             Err(RecvTimeoutError::Timeout) => {
-                if observer.observe(&Progress { phase: Phase::Iteration, ..state }) == Flow::Stop {
-                    return Ok(None);
+                let (stage, elements, links) = control.state();
+                let done = 1.0 - 0.6_f64.powi(stage as i32);
+                let now = Progress { phase: Phase::Iteration, done, elements, links, ..state };
+                if observer.observe(&now) == Flow::Stop {
+                    control.stop();
                 }
             }
         }
     }
 }
 
-fn work(scene: &Arc<Scene>, request: &Request) -> Finished {
+fn work(scene: &Arc<Scene>, request: &Request, control: &Control) -> Finished {
     let start = Instant::now();
     let prepared = Prepared::new(scene.clone());
     let tree = start.elapsed().as_secs_f64();
-    let solved = prepared.solve(request);
+    let solved = prepared.solve(request, control);
     let start = Instant::now();
     let outcome = solved.outcome(scene);
     let columns = start.elapsed().as_secs_f64();
-    let stages = solved.stages;
+    let (stages, estimate, bound) = (solved.stages, solved.estimate, solved.bound);
     let sum = |part: usize| stages.iter().map(|stage| stage.seconds[part]).sum::<f64>();
-    let phases = [("tree", tree), ("links", sum(0)), ("light", sum(1)), ("columns", columns)];
+    let phases = [("tree", tree), ("links", sum(0)), ("light", sum(1)), ("check", sum(2)), ("columns", columns)];
     let phases = phases.map(|(name, seconds)| PhaseReport { name: name.to_owned(), seconds }).to_vec();
-    Finished { outcome, stages, phases }
+    Finished { outcome, stages, estimate, bound, phases }
+}
+
+/// What a bound that ended the engine means to a user.
+fn status_of(bound: Option<Bound>) -> Status {
+    match bound {
+        None => Status::Converged,
+        Some(Bound::Stop) => Status::Cancelled,
+        Some(Bound::Resolution) => Status::IterationLimit,
+        Some(Bound::Elements | Bound::Memory | Bound::Time) => Status::Bounded,
+    }
 }
 
 /// The scene's polygons with no light but their own.
@@ -172,10 +186,10 @@ fn bare(scene: &Scene) -> Outcome {
     let planes = scene.polygons.iter().map(|polygon| polygon.plane).collect();
     let roots = scene.polygons.iter().enumerate().map(|(index, polygon)| (polygon.corners, index as u32));
     let count = scene.polygons.len();
+    let elements = Elements::new(roots, planes);
     Outcome {
-        elements: Elements::new(roots, planes),
-        radiosity: scene.polygons.iter().map(|polygon| polygon.emission).collect(),
-        irradiance: vec![Rgb::ZERO; count],
+        light: Light::emitted(scene, &elements, vec![1.0; count], Update::InPlace),
+        elements,
         fields: vec![[[0.0; 3]; 5]; count],
         links: LinkColumns::default(),
         clusters: ClusterColumns::default(),
@@ -270,35 +284,7 @@ impl Transported {
         {
             return Err(wrong("elements/field", format!("of element {index}, not all values are finite")));
         }
-        for (name, values) in [("elements/radiosity", radiosities), ("elements/irradiance", irradiances)] {
-            let broken = values.iter().position(|value| !value.is_finite() || value.min_component() < 0.0);
-            if let Some(index) = broken {
-                return Err(wrong(name, format!("of element {index}, not all values are finite and not negative")));
-            }
-        }
-        for id in (0..elements.len() as u32).map(ElementId) {
-            if elements.is_leaf(id) {
-                let polygon = &scene.polygons[elements.get(id).polygon as usize];
-                let expected = polygon.emission + polygon.reflectance * light.irradiance(id);
-                if !agree(light.radiosity(id), expected, Rgb::ZERO) {
-                    return Err(wrong("elements/radiosity", format!("leaf {} violates B = E + rho H", id.0)));
-                }
-                continue;
-            }
-            for (name, values) in [("elements/radiosity", radiosities), ("elements/irradiance", irradiances)] {
-                let children = || elements.children(id).map(|child| values[child.index()]);
-                let areas = elements.children(id).map(|child| elements.get(child).area);
-                let mean = children().zip(areas).map(|(value, area)| value * area).sum::<Rgb>() / elements.get(id).area;
-                let spread = Rgb([0, 1, 2].map(|band| {
-                    let band = || children().map(|value| value[band]);
-                    band().fold(f64::NEG_INFINITY, f64::max) - band().fold(f64::INFINITY, f64::min)
-                }));
-                if !agree(values[id.index()], mean, spread) {
-                    return Err(wrong(name, format!("element {} is not the mean of its children", id.0)));
-                }
-            }
-        }
-        Ok(())
+        light.check(scene, elements).map_err(|violation| wrong("elements/radiosity", violation.to_string()))
     }
 
     fn check_links(&self, elements: usize) -> Result<(), TransportViolation> {
@@ -389,7 +375,3 @@ impl Transported {
     }
 }
 
-/// Are values those expected, but for rounding and a share of `spread`?
-fn agree(found: Rgb, expected: Rgb, spread: Rgb) -> bool {
-    (0..3).all(|band| (found[band] - expected[band]).abs() <= ROUNDING * expected[band].abs() + UNEVEN * spread[band])
-}

@@ -148,7 +148,10 @@ fn settings_of_the_other_schedule_are_refused() {
             Settings { bf_epsilon: Some(0.01), ..draft() },
             "setting 'bf_epsilon' is 0.01: belongs to schedule 'sequential'",
         ),
-        (Settings { rays: Rays::R256, ..draft() }, "setting 'rays' is 256: belongs to schedule 'sequential'"),
+        (
+            Settings { rays: Rays::TwoHundredFiftySix, ..draft() },
+            "setting 'rays' is 256: belongs to schedule 'sequential'",
+        ),
         (Settings { max_iterations: 3, ..draft() }, "setting 'max_iterations' is 3: belongs to schedule 'sequential'"),
         (Settings { dark: Some(0.1), ..paper() }, "setting 'dark' is 0.1: belongs to schedule 'wavefront'"),
         (Settings { memory: Some(1), ..paper() }, "setting 'memory' is 1: belongs to schedule 'wavefront'"),

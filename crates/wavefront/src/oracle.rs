@@ -127,6 +127,14 @@ pub(crate) fn errors(link: &Link, evaluator: &Evaluator<'_>, light: &Light) -> E
     errors
 }
 
+/// May a node be split?
+pub(crate) fn is_splittable(node: u32, evaluator: &Evaluator<'_>, least_area: f32) -> bool {
+    node & CLUSTER != 0 || {
+        let element = &evaluator.elements[node as usize];
+        element.area > least_area && element.path.depth() < DEEPEST
+    }
+}
+
 /// Decides. `limit`: what area times weight times squared error may be.
 pub(crate) fn verdict(link: &Link, evaluator: &Evaluator<'_>, light: &Light, limit: f32, least_area: f32) -> Verdict {
     let mut errors = errors(link, evaluator, light);
@@ -138,12 +146,7 @@ pub(crate) fn verdict(link: &Link, evaluator: &Evaluator<'_>, light: &Light, lim
     if weight * errors.square() <= limit {
         return Verdict::Keep;
     }
-    let splittable = |node: u32| {
-        node & CLUSTER != 0 || {
-            let element = &evaluator.elements[node as usize];
-            element.area > least_area && element.path.depth() < DEEPEST
-        }
-    };
+    let splittable = |node: u32| is_splittable(node, evaluator, least_area);
     let clusters = (link.receiver | link.source) & CLUSTER != 0;
     let (receiver, source) = (splittable(link.receiver), splittable(link.source));
     if clusters {

@@ -6,6 +6,7 @@ use crate::link::{CLUSTER, State};
 use crate::solve::Solved;
 use isolux_core::DVec3;
 use isolux_core::scene::Scene;
+use isolux_core::solution::{Light, Update};
 use isolux_core::tree::{ElementId, Elements};
 use isolux_core::units::Rgb;
 
@@ -54,12 +55,8 @@ pub struct ClusterColumns {
 pub struct Outcome {
     /// All quadtrees: every polygon of the scene is a root, in order.
     pub elements: Elements,
-    /// Mean radiosity by element, W/m² or lm/m².
-    pub radiosity: Vec<Rgb>,
-    /// Mean irradiance by element, W/m² or lm/m²; where something covers an element, nothing arrives.
-    pub irradiance: Vec<Rgb>,
-    /// Share of each element that nothing covers.
-    pub open_share: Vec<f64>,
+    /// Means by element, with the share of each that nothing covers.
+    pub light: Light,
     /// Irradiance at the corners and the middle of leaves; of inner elements nothing that counts.
     pub fields: Vec<Field>,
     /// Links that carry light.
@@ -108,22 +105,19 @@ impl Solved {
             parent: nodes.iter().map(|node| node.parent).collect(),
             members: self.transport.clusters.order.clone(),
         };
-        let bands = |values: &[crate::light::Bands]| values.iter().map(|value| Rgb(value.map(f64::from))).collect();
-        Outcome {
-            elements,
-            radiosity: bands(&self.light.radiosity),
-            irradiance: self
-                .light
-                .irradiance
-                .iter()
-                .zip(&self.light.open)
-                .map(|(value, open)| Rgb(value.map(|value| f64::from(value * open))))
-                .collect(),
-            open_share: self.light.open.iter().map(|&open| f64::from(open)).collect(),
-            fields: self.light.field.clone(),
-            links: columns,
-            clusters,
+        // Means anew in double precision, so that what follows from other values follows to the last bit.
+        let open = |element: &crate::geometry::Element| f64::from(element.open_share());
+        let mut light = Light::emitted(scene, &elements, own.iter().map(open).collect(), Update::InPlace);
+        for (index, element) in own.iter().enumerate().rev() {
+            let id = ElementId(index as u32);
+            if element.first_child == NONE {
+                let irradiance = Rgb(self.light.irradiance[index].map(f64::from));
+                light.settle(id, &scene.polygons[element.polygon as usize], irradiance);
+            } else {
+                light.pull(id, &elements);
+            }
         }
+        Outcome { elements, light, fields: self.light.field.clone(), links: columns, clusters }
     }
 }
 

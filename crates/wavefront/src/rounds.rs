@@ -8,7 +8,7 @@ use crate::evaluate::{A_RECEIVES, B_RECEIVES, Evaluator};
 use crate::geometry::{Element, Geometry, NONE};
 use crate::light::{Light, rms};
 use crate::link::{CLUSTER, Link, MIDDLE, State};
-use crate::oracle::{BULGE, ROUGH, Verdict, errors, verdict};
+use crate::oracle::{BULGE, ROUGH, Verdict, errors, is_splittable, verdict};
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -338,7 +338,11 @@ fn decide(
                                 && link.state.visibility > 0 =>
                         {
                             // Something covers all five points, but not all of the receiver: only parts can tell.
-                            split[slot] = Some((link.receiver, link));
+                            if is_splittable(link.receiver, evaluator, limit.area) {
+                                split[slot] = Some((link.receiver, link));
+                            } else {
+                                outcome.kept.push(link);
+                            }
                         }
                         Some(more) => {
                             link = more;

@@ -102,6 +102,10 @@ const MOST_SETTLES: u32 = 5;
 /// What links say they leave may be this much above the asked error where rays find that it is reached.
 const SLACK: f64 = 1.5;
 
+/// Where links say that they leave this much less than was asked for, and rays still find more, what is missing is nothing
+/// that more links would bring.
+const FUTILE: f64 = 4.0;
+
 /// How much longer than the gathers of the stage before a stage may take: elements grow by the square of what the error falls.
 const GROWTH: f64 = 2.5;
 
@@ -196,6 +200,10 @@ impl Prepared {
             estimate = now.or(estimate);
             let dark_left = now.is_some_and(|now| request.dark.is_some_and(|asked| now.dark > asked));
             if bound.is_some() || now.is_some_and(|now| now.total <= request.error && !dark_left) {
+                break;
+            }
+            if now.is_some() && !dark_left && by_links <= request.error / FUTILE {
+                bound = Some(Bound::Resolution);
                 break;
             }
             transport.refine_leaves(&mut light, limit);
