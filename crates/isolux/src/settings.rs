@@ -36,9 +36,9 @@ impl Quality {
 #[serde(rename_all = "kebab-case")]
 pub enum Schedule {
     /// Flat rounds on all cores over clusters and elements, until the estimated error is the one asked for.
-    #[default]
     Wavefront,
     /// The paper's method, one pair of elements after the other.
+    #[default]
     Sequential,
 }
 

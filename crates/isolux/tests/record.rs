@@ -424,17 +424,17 @@ fn what_the_fast_engine_leaves_is_checked() {
         }
     };
     refused("elements/field", &set(7, f64::INFINITY), "of element 0, not all values are finite");
-    refused("elements/irradiance", &set(4, -1.0), "of element 1, not all values are finite and not negative");
+    refused("elements/irradiance", &set(4, -1.0), "element 1: violated: values are finite and not negative");
     let scaled = |data: &mut Data| match data {
         Data::F64(values) => values.iter_mut().for_each(|value| *value *= 1.001),
         other => panic!("{other:?}"),
     };
-    refused("elements/irradiance", &scaled, "violates B = E + rho H");
+    refused("elements/irradiance", &scaled, "leaves fulfil B = E + rho H");
     let roots = |data: &mut Data| match data {
         Data::F64(values) => values[..3].iter_mut().for_each(|value| *value *= 1.5),
         other => panic!("{other:?}"),
     };
-    refused("elements/radiosity", &roots, "element 0 is not the mean of its children");
+    refused("elements/radiosity", &roots, "element 0: violated: parents are the mean of their children");
     let last = match &record.arrays.iter().find(|array| array.name == "links/receiver").unwrap().data {
         Data::U32(values) => values.len() - 1,
         other => panic!("{other:?}"),

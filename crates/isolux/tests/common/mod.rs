@@ -30,7 +30,7 @@ pub fn shipped(name: &str) -> Arc<Scene> {
 
 /// Settings for quick tests.
 pub fn draft() -> Settings {
-    Settings { error: 0.2, threads: 1, ..Settings::default() }
+    Settings { schedule: Schedule::Wavefront, error: 0.2, threads: 1, ..Settings::default() }
 }
 
 /// The same with the paper's method.
