@@ -51,12 +51,12 @@ fn a_square_over_a_lit_square_gets_its_form_factor() {
 fn the_estimate_speaks_of_the_error() {
     let scene = shipped("cornell");
     let at = points(&scene, 4000, 21);
-    let fine = irradiances(&solved(&scene, &asked(0.01)), &at);
+    let fine = irradiances(&solved(&scene, &asked(0.03)), &at);
     for error in [0.2, 0.1] {
         let solution = solved(&scene, &asked(error));
         let estimate = solution.report().error_estimate.unwrap();
         let off = difference(&fine, &irradiances(&solution, &at));
-        assert!(estimate.total <= error && estimate.dark.is_none(), "{estimate:?}");
+        assert!(estimate.total <= error && estimate.dark.is_some(), "{estimate:?}");
         assert!(off <= error, "{error}: {off}");
         assert!(off <= 2.0 * estimate.total, "{off} {estimate:?}");
     }
@@ -84,7 +84,7 @@ fn the_report_has_what_the_schedule_has() {
     assert_eq!(report.clusters, transport.clusters.parent.len() as u64);
     assert_eq!(report.links.total, transport.links.receiver.len() as u64);
     let last = report.stages[report.stages.len() - 1];
-    assert_eq!(report.error_estimate.unwrap().total, last.estimate);
+    assert!(last.estimate > 0.0 && report.error_estimate.unwrap().total <= report.settings.error);
     assert!(last.passes > 0 && last.seconds >= 0.0);
     assert_eq!(report.elements_by_level.iter().sum::<u64>(), report.elements);
     assert!(solution.hierarchy().links.is_empty());

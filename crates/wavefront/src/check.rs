@@ -53,10 +53,14 @@ struct Emitters {
     polygons: Vec<u32>,
     /// Share of the power before each, and 1.
     before: Vec<f64>,
+    /// Rays to emitters of a batch, over those over the hemisphere.
+    ratio: f32,
+    /// Density of places on emitters, per square metre, by polygon.
+    density: Vec<f32>,
 }
 
 impl Emitters {
-    fn new(geometry: &Geometry, roots: &[Element]) -> Emitters {
+    fn new(geometry: &Geometry, roots: &[Element], ratio: f32) -> Emitters {
         let power = |&polygon: &u32| {
             let emission = geometry.surfaces[polygon as usize].emission;
             f64::from(emission.iter().sum::<f32>() * roots[polygon as usize].area)
@@ -67,7 +71,19 @@ impl Emitters {
         for polygon in &polygons {
             before.push(before[before.len() - 1] + power(polygon) / whole);
         }
-        Emitters { polygons, before }
+        let density = (0..geometry.surfaces.len() as u32)
+            .map(|polygon| (power(&polygon) / whole / f64::from(roots[polygon as usize].area)) as f32)
+            .collect();
+        Emitters { polygons, before, ratio, density }
+    }
+
+    /// What a ray over the hemisphere that ends on an emitter counts for, so that it and the rays to places on emitters tell
+    /// its emission once together (balance heuristic: E. Veach, L. Guibas 1995). `rise`, `fall`: cosines at both ends;
+    /// `square`: squared length of the ray, m².
+    fn by_direction(&self, polygon: u32, rise: f32, fall: f32, square: f32) -> f32 {
+        let direction = rise / PI;
+        let place = self.ratio * self.density[polygon as usize] * square / fall.max(f32::MIN_POSITIVE);
+        direction / (direction + place)
     }
 
     /// The emitter that holds a share in [0, 1) of the power, its share, and what is left over of the number.
@@ -82,7 +98,7 @@ pub(crate) fn check(geometry: &Geometry, elements: &[Element], light: &Light, er
     let side = (SIDE_PER_ERROR / error).clamp(SIDES.0, SIDES.1) as usize;
     let to_lights = (TO_LIGHTS * (side * side) as f64) as usize;
     let fronts = geometry.scene.fronts;
-    let emitters = Emitters::new(geometry, elements);
+    let emitters = Emitters::new(geometry, elements, to_lights as f32 / (side * side) as f32);
     let mut before = Vec::with_capacity(fronts + 1);
     let mut area = 0.0_f64;
     for root in &elements[..fronts] {
@@ -101,7 +117,8 @@ pub(crate) fn check(geometry: &Geometry, elements: &[Element], light: &Light, er
                 return None;
             }
             let gather = |stream: &mut Stream| {
-                let mut sum = reflected(point, polygon as u32, side, geometry, elements, light, stream);
+                let mut sum =
+                    over_hemisphere(point, polygon as u32, side, geometry, elements, light, &emitters, stream);
                 let direct = emitted(point, polygon as u32, to_lights, geometry, elements, &emitters, stream);
                 (0..3).for_each(|band| sum[band] += direct[band]);
                 sum
@@ -145,14 +162,17 @@ pub(crate) fn check(geometry: &Geometry, elements: &[Element], light: &Light, er
     }
 }
 
-/// Irradiance at a point by one batch of side² directions over the hemisphere: what is reflected from there.
-fn reflected(
+/// Irradiance at a point by one batch of side² directions over the hemisphere: what is reflected from there, and the part of
+/// what is emitted that directions tell.
+#[allow(clippy::too_many_arguments, reason = "one call site")]
+fn over_hemisphere(
     point: Vec3,
     polygon: u32,
     side: usize,
     geometry: &Geometry,
     elements: &[Element],
     light: &Light,
+    emitters: &Emitters,
     stream: &mut Stream,
 ) -> Bands {
     let mut sum = [0.0_f32; 3];
@@ -166,9 +186,12 @@ fn reflected(
         let direction = tangent * (radius * cosine) + bitangent * (radius * sine) + normal * height;
         if let Some((other, place)) = geometry.look(point, normal, direction, stream) {
             let field = crate::read::field_at(geometry, elements, light, other, place);
-            let reflectance = geometry.surfaces[other as usize].reflectance;
+            let surface = &geometry.surfaces[other as usize];
+            let fall = -surface.normal.dot(direction);
+            let counts = emitters.by_direction(other, height, fall, place.distance_squared(point));
             for band in 0..3 {
-                sum[band] += reflectance[band] * field[band] / (side * side) as f32;
+                let seen = surface.reflectance[band] * field[band] + counts * surface.emission[band];
+                sum[band] += seen / (side * side) as f32;
             }
         }
     }
@@ -200,7 +223,9 @@ fn emitted(
             continue;
         }
         let passes = geometry.passes_between(point, normal, place, surface.normal, stream);
-        let factor = passes * rise * fall / (PI * square * square) * element.area / share as f32 / rays as f32;
+        let length = square.sqrt();
+        let counts = 1.0 - emitters.by_direction(emitter, rise / length, fall / length, square);
+        let factor = counts * passes * rise * fall / (PI * square * square) * element.area / share as f32 / rays as f32;
         for band in 0..3 {
             sum[band] += factor * surface.emission[band];
         }
