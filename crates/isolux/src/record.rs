@@ -210,9 +210,10 @@ pub(crate) fn write(solution: &Solution) -> Record {
     arrays.push(flat_array("elements/path", Data::U64(nodes.iter().map(|node| node.path.to_bits()).collect())));
     arrays.push(rgb_array("elements/radiosity", light.radiosities().iter().copied()));
     arrays.push(rgb_array("elements/irradiance", light.irradiances().iter().copied()));
+    arrays.push(flat_array("elements/open_share", Data::F64(light.open_shares().to_vec())));
     match &solution.transport {
         Some(transport) => transport_arrays(transport, &mut arrays),
-        None => link_arrays(links, light, &solution.vertex_irradiance, &mut arrays),
+        None => link_arrays(links, &solution.vertex_irradiance, &mut arrays),
     }
     let attributes = serde_json::to_string(&attributes).unwrap_or_else(|error| {
         // Only maps with keys that are not strings can fail, and there are none.
@@ -222,8 +223,7 @@ pub(crate) fn write(solution: &Solution) -> Record {
 }
 
 /// What `sequential` leaves behind beyond elements and light.
-fn link_arrays(links: &Links, light: &Light, vertex_irradiance: &[Rgb], arrays: &mut Vec<Array>) {
-    arrays.push(flat_array("elements/open_share", Data::F64(light.open_shares().to_vec())));
+fn link_arrays(links: &Links, vertex_irradiance: &[Rgb], arrays: &mut Vec<Array>) {
     arrays.push(rgb_array("mesh/irradiance", vertex_irradiance.iter().copied()));
     arrays.push(u32_array("links/receiver", links.iter().map(|(receiver, _)| receiver.0)));
     arrays.push(u32_array("links/source", links.iter().map(|(_, link)| link.source.0)));
@@ -392,7 +392,9 @@ fn read_transported(part: Part, shelf: &mut Shelf) -> Result<Solution, RecordErr
     let elements = read_elements(&scene, shelf)?;
     let radiosity = shelf.rgb("elements/radiosity", elements.len())?;
     let irradiance = shelf.rgb("elements/irradiance", elements.len())?;
-    let light = Light::from_values(radiosity, irradiance, vec![1.0; elements.len()]);
+    let open_share = shelf.f64("elements/open_share", &[])?;
+    same_length("elements/open_share", open_share.len(), elements.len())?;
+    let light = Light::from_values(radiosity, irradiance, open_share);
     let field = shelf.f32("elements/field", &[5, 3])?;
     let links = LinkColumns {
         receiver: shelf.u32("links/receiver", &[])?,

@@ -5,7 +5,7 @@ use isolux_core::kernels::Counts;
 use isolux_core::links::{Evaluator, Hierarchy};
 use isolux_core::scene::Scene;
 use isolux_core::solution::{
-    Flow, Gathered, Observer, Phase, Progress, Shadows, Site, SmoothPlan, SmoothSurfaces, Unobserved, Watch,
+    Flow, Gathered, Light, Observer, Phase, Progress, Shadows, Site, SmoothPlan, SmoothSurfaces, Unobserved, Watch,
     irradiance_at_site,
 };
 use isolux_core::tree::{Bsp, ElementId, Elements};
@@ -114,13 +114,23 @@ const DARK: f64 = 0.02;
 const NUDGE: f64 = 1e-6;
 
 /// Surfaces from fields of leaves: a vertex has the mean of what the fields around have there.
-pub(crate) fn blend(scene: &Scene, bsp: &Bsp, elements: &Elements, fields: &[[[f32; 3]; 5]]) -> Option<SmoothSurfaces> {
+pub(crate) fn blend(
+    scene: &Scene,
+    bsp: &Bsp,
+    elements: &Elements,
+    light: &Light,
+    fields: &[[[f32; 3]; 5]],
+) -> Option<SmoothSurfaces> {
     let unasked = &mut Unobserved;
     let watch = &mut Watch::new(unasked, Progress::of(Phase::Interpolation));
     let plan = SmoothPlan::new(scene, bsp, elements, watch)?;
     let mut sums = vec![(Rgb::ZERO, 0.0); plan.vertices()];
     let mut means = vec![0.0; plan.vertices()];
     for (site, leaf, position) in plan.around() {
+        // What lies under something else is not seen.
+        if light.open_share(leaf) == 0.0 {
+            continue;
+        }
         let element = elements.get(leaf);
         let normal = scene.polygons[element.polygon as usize].plane.normal;
         let centre = element.corners.mean();
@@ -130,7 +140,7 @@ pub(crate) fn blend(scene: &Scene, bsp: &Bsp, elements: &Elements, fields: &[[[f
         sums[site].1 += 1.0;
         means[site] += at(centre).mean();
     }
-    let mut values: Vec<Rgb> = sums.iter().map(|&(sum, count)| sum / count).collect();
+    let mut values: Vec<Rgb> = sums.iter().map(|&(sum, count)| sum / f64::max(count, 1.0)).collect();
     // Where everything around is as dark nothing is made better by looking.
     let openness: Vec<f64> =
         sums.iter().zip(means).map(|(&(sum, _), mean)| if sum.mean() < DARK * mean { 0.0 } else { 1.0 }).collect();

@@ -70,7 +70,9 @@ impl Solution {
             let (scene, bsp) = (&*self.scene, self.bsp());
             // An observer that never says stop lets everything through.
             let made = match &self.transport {
-                Some(transport) => smooth::blend(scene, bsp, &self.hierarchy.elements, &transport.fields),
+                Some(transport) => {
+                    smooth::blend(scene, bsp, &self.hierarchy.elements, &self.hierarchy.light, &transport.fields)
+                }
                 None => smooth::average(scene, bsp, &self.hierarchy, &mut Unobserved).map(|(_, made)| made),
             };
             made.unwrap_or_default()
