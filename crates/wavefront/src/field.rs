@@ -64,3 +64,49 @@ pub(crate) fn to_samples(corners: &[f32; 5], count: u8) -> [f32; 5] {
         [sample(a), sample(b), sample(c), sample(c), m]
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// Catches forms that do not say the same: to corners and back nothing changes.
+        #[test]
+        fn both_forms_are_one_function(samples in prop::array::uniform5(-1.0_f32..1.0), quadrilateral: bool) {
+            let count = if quadrilateral { 4 } else { 3 };
+            let back = to_samples(&to_corners(&samples, count), count);
+            for k in (0..5).filter(|&k| k != 3 || count == 4) {
+                // Six operations on numbers up to 10.
+                prop_assert!((back[k] - samples[k]).abs() < 1e-5, "{samples:?} {back:?}");
+            }
+        }
+
+        /// Catches a mean that is not that of the function: by quarters it is the same, three levels down.
+        #[test]
+        fn means_are_kept_on_the_way_down(samples in prop::array::uniform5(-1.0_f32..1.0), quadrilateral: bool) {
+            let count = if quadrilateral { 4 } else { 3 };
+            let corners = to_corners(&samples, count);
+            let mut sum = 0.0;
+            for path in 0..64_usize {
+                let part = [path & 3, path >> 2 & 3, path >> 4]
+                    .iter()
+                    .fold(corners, |part, &quadrant| crate::light::quarter_of(&part, count, quadrant));
+                sum += part[..count as usize].iter().sum::<f32>() / f32::from(count);
+            }
+            // At the third level the mean of the corners is off the mean by a 64th of the bulge's.
+            let bulge = corners[MIDDLE] - corners[..count as usize].iter().sum::<f32>() / f32::from(count);
+            let own = if count == 4 { 2.0 / 3.0 } else { 0.75 } * bulge / 64.0;
+            prop_assert!((sum / 64.0 + own - mean(&samples, count)).abs() < 1e-5, "{} {}", sum / 64.0, mean(&samples, count));
+        }
+    }
+
+    /// Catches a bulge that is not the quadratic it stands for: of u² + v² on a square, sampled, corners are 2.
+    #[test]
+    fn a_quadratic_function_is_met_exactly() {
+        let at = 2.0 * INNER * INNER;
+        let corners = to_corners(&[at, at, at, at, 0.0], 4);
+        assert!(corners[..4].iter().all(|corner| (corner - 2.0).abs() < 1e-5), "{corners:?}");
+        assert!((mean(&[at, at, at, at, 0.0], 4) - 2.0 / 3.0).abs() < 1e-6);
+    }
+}

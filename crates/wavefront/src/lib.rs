@@ -12,6 +12,9 @@
 //! the same bits with any number of threads. Random choices are drawn from names of places, never from a clock or an order
 //! of work.
 
+#![allow(clippy::needless_range_loop, reason = "bands and points of a field run through several arrays at once")]
+#![cfg_attr(test, allow(clippy::unwrap_used))]
+
 mod backs;
 mod check;
 mod clusters;
