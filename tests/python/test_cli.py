@@ -219,7 +219,13 @@ def test_every_setting_reaches_the_solver(isolux_command, scene_file, tmp_path):
     assert done.returncode == 0, done.stderr
     report = isolux.open(tmp_path / "box.isolux").report
     assert report.settings.to_dict() == {
+        "schedule": "sequential",
         "error": 0.2,
+        "dark": None,
+        "max_elements": None,
+        "min_area": None,
+        "memory": None,
+        "time": None,
         "bf_epsilon": 0.4,
         "partial_visibility": 0.75,
         "emission_weight": 0.5,
@@ -240,6 +246,49 @@ def test_every_setting_reaches_the_solver(isolux_command, scene_file, tmp_path):
     }
     written = json.loads((tmp_path / "report.json").read_text())
     assert written == {"output": str(tmp_path / "box.isolux"), "report": report.to_dict()}
+
+
+def test_every_setting_reaches_the_fast_engine(isolux_command, scene_file, tmp_path):
+    """Catches an option that is accepted and forgotten, and a result without the error that was found."""
+    options = {
+        "--schedule": "wavefront",
+        "--error": 0.1,
+        "--dark": 0.4,
+        "--max-elements": 20000,
+        "--min-area": 1e-6,
+        "--memory": "500M",
+        "--time": "2m",
+        "-j": 1,
+        "--progress": "none",
+    }
+    arguments = [word for pair in options.items() for word in pair]
+    done = isolux_command("solve", scene_file, "-o", tmp_path / "box.isolux", *arguments)
+    assert done.returncode == 0, done.stderr
+    report = isolux.open(tmp_path / "box.isolux").report
+    settings = report.settings
+    assert (settings.schedule, settings.error, settings.dark) == ("wavefront", 0.1, 0.4)
+    assert (settings.max_elements, settings.min_area, settings.time) == (20000, 1e-6, 120.0)
+    assert settings.memory == 500 * 2**20
+    assert report.to_dict()["error_estimate"]["total"] <= 0.1
+
+
+def test_a_bound_ends_a_solve_and_keeps_the_result(isolux_command, scene_file, tmp_path):
+    """Catches a bound that is not heard, not told, or loses what there is."""
+    target = tmp_path / "box.isolux"
+    done = isolux_command(
+        "solve", scene_file, "-o", target, "--schedule", "wavefront", "--error", 0.001, "--max-elements", 50
+    )
+    assert done.returncode == 4, done.stderr
+    assert "stopped by the bound --max-elements" in done.stderr
+    assert isolux.open(target).report.status == "bounded"
+
+
+def test_settings_of_the_other_schedule_are_refused(isolux_command, scene_file, tmp_path):
+    """Catches an option that is taken without a word and means nothing."""
+    done = isolux_command("solve", scene_file, "-o", tmp_path / "box.isolux", "--dark", 0.1)
+    assert done.returncode == 2
+    assert "'dark'" in done.stderr
+    assert "wavefront" in done.stderr
 
 
 @pytest.mark.parametrize("command", ["solve", "bake", "render"])

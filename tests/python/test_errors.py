@@ -12,7 +12,8 @@ from isolux import _isolux, exceptions
 ROOT = Path(__file__).parents[2]
 
 EXPECTED = {
-    "SettingsError": ("SettingsError", "setting 'error' is -1: expected a number above 0"),
+    "SettingsError::Value": ("SettingsError", "setting 'error' is -1: expected a number above 0"),
+    "SettingsError::Schedule": ("SettingsError", "setting 'rays' is 256: belongs to schedule 'sequential'"),
     "SceneError::Empty": (
         "SceneError",
         "the scene has no surfaces (2 faces without area and 1 without opacity or emission were dropped)",

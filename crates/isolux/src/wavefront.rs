@@ -64,9 +64,11 @@ pub(crate) fn solve(
     let finished = run(&scene, settings.threads, request, observer)?;
     let start = Instant::now();
     let mut status = Status::Cancelled;
+    let mut named = None;
     let (outcome, stages, estimate, mut phases) = match finished {
         Some(Finished { outcome, stages, estimate, bound, phases }) => {
             status = status_of(bound);
+            named = bound.and_then(setting_of);
             (outcome, stages, estimate, phases)
         }
         None => (bare(&scene), Vec::new(), None, Vec::new()),
@@ -84,6 +86,7 @@ pub(crate) fn solve(
     let mut report = Report {
         area_epsilon: settings.least_area() * scene.area(),
         error_estimate: estimate.map(|estimate| ErrorEstimate { total: estimate.total, dark: Some(estimate.dark) }),
+        bound: named.map(str::to_owned),
         clusters: transport.clusters.parent.len() as u64,
         links: by_visibility(&transport.links),
         stages: stages
@@ -178,6 +181,16 @@ fn status_of(bound: Option<Bound>) -> Status {
         Some(Bound::Stop) => Status::Cancelled,
         Some(Bound::Resolution) => Status::IterationLimit,
         Some(Bound::Elements | Bound::Memory | Bound::Time) => Status::Bounded,
+    }
+}
+
+/// The setting that a bound was asked for by.
+fn setting_of(bound: Bound) -> Option<&'static str> {
+    match bound {
+        Bound::Elements => Some("max_elements"),
+        Bound::Memory => Some("memory"),
+        Bound::Time => Some("time"),
+        Bound::Stop | Bound::Resolution => None,
     }
 }
 
