@@ -142,17 +142,41 @@ fn open_parts(element: &Element, geometry: &Geometry) -> u16 {
 /// Jitter of the middle of a part: of a triangle's, its centroid.
 const MIDDLE_OF_PART: [f32; 2] = [0.5, 0.5];
 
-/// Is a point of a polygon inside something solid: is what it faces the back of a surface without a lit back?
+/// Directions that a point looks in, as height over its plane and turn about its normal, radians: up, and around at two
+/// heights. What is open sees out in one of the first, mostly.
+const LOOKS: [(f32, f32); 13] = [
+    (1.57, 0.0),
+    (0.8, 0.4),
+    (0.8, 2.0),
+    (0.8, 3.5),
+    (0.8, 5.1),
+    (0.25, 0.0),
+    (0.25, 0.8),
+    (0.25, 1.6),
+    (0.25, 2.4),
+    (0.25, 3.1),
+    (0.25, 3.9),
+    (0.25, 4.7),
+    (0.25, 5.5),
+];
+
+/// Is a point of a polygon inside something solid: does it see nothing but backs of surfaces without a lit back, whichever
+/// way it looks? Under a table's top, whose underside may be such a back, it sees out at the sides.
 pub(crate) fn is_covered(point: Vec3, polygon: u32, geometry: &Geometry) -> bool {
     let normal = geometry.surfaces[polygon as usize].normal;
+    let (tangent, bitangent) = normal.any_orthonormal_pair();
     let far = 4.0 * geometry.scene.diameter as f32;
-    let start = 2.0 * geometry.tolerance;
-    let hit = geometry.bvh.closest(geometry.backend, point.to_array(), normal.to_array(), start, far);
-    hit.is_some_and(|hit| {
-        let polygon = geometry.polygon_of[hit.primitive as usize];
-        let front = &geometry.scene.polygons[polygon as usize];
-        let solid = front.twin.is_none() && front.mask.is_none() && front.opacity >= 1.0;
-        solid && geometry.surfaces[polygon as usize].normal.dot(normal) > 0.0
+    LOOKS.iter().all(|&(height, turn)| {
+        let level = tangent * turn.cos() + bitangent * turn.sin();
+        let direction = level * height.cos() + normal * height.sin();
+        let start = 2.0 * geometry.tolerance / height.sin();
+        let hit = geometry.bvh.closest(geometry.backend, point.to_array(), direction.to_array(), start, far);
+        hit.is_some_and(|hit| {
+            let polygon = geometry.polygon_of[hit.primitive as usize];
+            let front = &geometry.scene.polygons[polygon as usize];
+            let solid = front.twin.is_none() && front.mask.is_none() && front.opacity >= 1.0;
+            solid && geometry.surfaces[polygon as usize].normal.dot(direction) > 0.0
+        })
     })
 }
 
