@@ -91,8 +91,9 @@ class Solution:
         certain, 0 where rays estimate it).
 
         Schedule ``"wavefront"`` also links `clusters`, which are numbered after the elements: node
-        ``len(elements["area"]) + c`` is cluster ``c``. There are ``factors`` (n, 5), too, what arrives at the
-        receiver's corners and middle for each unit of the source, visibility included, and ``centre`` (n, 2),
+        ``len(elements["area"]) + c`` is cluster ``c``. There are ``factors`` (n, 5), too, what arrives 0.6 of
+        the way from the receiver's middle to its corners (the fourth of a triangle means nothing), and at its
+        middle, for each unit of the source, visibility included, and ``centre`` (n, 2),
         where on the source the light comes from. For each unit of a source that is a cluster, factors are
         steradian per square metre; a receiver that is a cluster has the first one alone, for a surface that
         faces the source.
@@ -408,11 +409,14 @@ def _form_factors(links: Mapping[str, NDArray[Any]], corner_count: NDArray[np.ui
     factors = links["factors"].astype(np.float64)
     receiver = links["receiver"]
     mean: NDArray[np.float64] = factors[:, 0].copy()
-    # The same weights as the engine's: exact for quadratics on parallelograms and triangles.
-    for count, middle in ((3, 3 / 4), (4, 2 / 3)):
+    # Weights of the middle's excess over the points around it, 0.6 of the way to the corners: exact for
+    # quadratics that bulge alike in all directions. 3/4 and 2/3 are the means of a bulge that is 1 at the
+    # middle and 0 at the corners; 1 - 0.6² is what it is at those points.
+    for count, bulge in ((3, 3 / 4), (4, 2 / 3)):
         is_such = np.append(corner_count, 0)[np.minimum(receiver, len(corner_count))] == count
-        corners = factors[is_such, :count].sum(axis=1) / 12
-        mean[is_such] = corners + factors[is_such, 4] * middle
+        around = factors[is_such, :count].mean(axis=1)
+        share = (bulge - (1 - 0.6**2)) / 0.6**2
+        mean[is_such] = around + share * (factors[is_such, 4] - around)
     visibility = links["visibility"].astype(np.float64)
     np.divide(mean, visibility, out=mean, where=visibility > 0.0)
     mean.setflags(write=False)

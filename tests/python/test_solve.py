@@ -365,3 +365,18 @@ def test_wrong_outputs_are_named(lit, tmp_path):
     with pytest.raises(RenderError, match="exposure -1"):
         lit.bake(tmp_path / "lit.glb", exposure=-1.0)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_links_of_the_fast_engine_close_the_furnace():
+    """Catches means that weigh a receiver's points wrongly, and pairs that are linked twice or not at all.
+
+    What a wall of a closed box sees adds up to 1; measured 0.9992 to 1.0005 here, and up to 1.09 elsewhere with
+    the points taken for corners.
+    """
+    solution = isolux.solve(box(), error=0.1, schedule="wavefront")
+    links, elements = solution.links, solution.elements
+    receiver = links["receiver"]
+    assert (receiver < len(elements["area"])).all()
+    flow = elements["area"][receiver] * links["form_factor"] * links["visibility"]
+    sums = np.bincount(elements["polygon"][receiver], flow) / elements["area"][:6]
+    assert sums == pytest.approx(np.ones(6), abs=2e-3)

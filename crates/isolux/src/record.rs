@@ -416,16 +416,7 @@ fn read_transported(part: Part, shelf: &mut Shelf) -> Result<Solution, RecordErr
     let fields = field.as_chunks().0.as_chunks().0.to_vec();
     let transport = Transported { fields, links, clusters };
     transport.check(&scene, &elements, &light).map_err(|TransportViolation { name, what }| inconsistent(name, what))?;
-    Ok(Solution {
-        scene: Arc::new(scene),
-        bsp: OnceLock::new(),
-        hierarchy: Hierarchy { links: Links::new(elements.len()), elements, light },
-        active,
-        surfaces: OnceLock::new(),
-        vertex_irradiance: Vec::new(),
-        transport: Some(transport),
-        report,
-    })
+    Ok(crate::wavefront::solution(Arc::new(scene), elements, light, active, transport, report))
 }
 
 /// A solution of `sequential`.

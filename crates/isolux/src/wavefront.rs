@@ -103,7 +103,19 @@ pub(crate) fn solve(
     };
     phases.push(PhaseReport { name: "report".into(), seconds: start.elapsed().as_secs_f64() });
     report.phases = phases;
-    Ok(Solution {
+    Ok(solution(scene, elements, light, active, transport, report))
+}
+
+/// A solution of the engine from its parts: tree and mesh are made when they are asked for.
+pub(crate) fn solution(
+    scene: Arc<Scene>,
+    elements: Elements,
+    light: Light,
+    active: Vec<bool>,
+    transport: Transported,
+    report: Report,
+) -> Solution {
+    Solution {
         scene,
         bsp: OnceLock::new(),
         hierarchy: Hierarchy { links: Links::new(elements.len()), elements, light },
@@ -112,7 +124,7 @@ pub(crate) fn solve(
         vertex_irradiance: Vec::new(),
         transport: Some(transport),
         report,
-    })
+    }
 }
 
 /// Runs the engine on so many threads, while the caller's thread asks the observer; when that says stop, the engine ends with

@@ -48,7 +48,7 @@ struct Point {
     solved: Bands,
 }
 
-/// Elements that emit, by power.
+/// Polygons that emit, by power.
 struct Emitters {
     polygons: Vec<u32>,
     /// Share of the power before each, and 1.
@@ -86,7 +86,7 @@ impl Emitters {
         direction / (direction + place)
     }
 
-    /// The emitter that holds a share in [0, 1) of the power, its share, and what is left over of the number.
+    /// The emitter that holds a place in [0, 1) of the power, and its share of it.
     fn pick(&self, share: f64) -> (u32, f64) {
         let index = self.before.partition_point(|&before| before <= share).clamp(1, self.polygons.len()) - 1;
         (self.polygons[index], self.before[index + 1] - self.before[index])
@@ -181,7 +181,7 @@ fn over_hemisphere(
     for stratum in 0..side * side {
         let u = ((stratum / side) as f64 + stream.next_unit()) / side as f64;
         let v = ((stratum % side) as f64 + stream.next_unit()) / side as f64;
-        let (radius, (sine, cosine)) = (u.sqrt() as f32, ((2.0 * std::f64::consts::PI * v) as f32).sin_cos());
+        let (radius, (sine, cosine)) = (u.sqrt() as f32, libm::sincosf((2.0 * std::f64::consts::PI * v) as f32));
         let height = (1.0 - radius * radius).max(0.0).sqrt();
         let direction = tangent * (radius * cosine) + bitangent * (radius * sine) + normal * height;
         if let Some((other, place)) = geometry.look(point, normal, direction, stream) {

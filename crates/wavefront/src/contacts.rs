@@ -167,9 +167,10 @@ pub(crate) fn is_covered(point: Vec3, polygon: u32, geometry: &Geometry) -> bool
     let (tangent, bitangent) = normal.any_orthonormal_pair();
     let far = 4.0 * geometry.scene.diameter as f32;
     LOOKS.iter().all(|&(height, turn)| {
-        let level = tangent * turn.cos() + bitangent * turn.sin();
-        let direction = level * height.cos() + normal * height.sin();
-        let start = 2.0 * geometry.tolerance / height.sin();
+        let (across, along) = libm::sincosf(turn);
+        let (rise, run) = libm::sincosf(height);
+        let direction = (tangent * along + bitangent * across) * run + normal * rise;
+        let start = 2.0 * geometry.tolerance / rise;
         let hit = geometry.bvh.closest(geometry.backend, point.to_array(), direction.to_array(), start, far);
         hit.is_some_and(|hit| {
             let polygon = geometry.polygon_of[hit.primitive as usize];

@@ -388,7 +388,8 @@ fn sight(
     let signal = (variance - chance).max(0.0);
     let spread = 2.0 * signal.sqrt();
     let saturated = quarters.iter().any(|&value| value <= 0.0 || value >= 1.0);
-    // A linear function differs twice as much between corners as between quarters, less where it is asked; what chance does is taken off.
+    // A linear function differs twice as much between corners as between quarters, less where it is asked; what chance does
+    // is taken off.
     let stretch = if variance > 0.0 { 2.0 * INNER * signal / variance } else { 0.0 };
     let corner = |k: usize| {
         let k = if triangle { k.min(2) } else { k };

@@ -3,12 +3,13 @@
 /// Bit that tells clusters from elements in a node's number.
 pub(crate) const CLUSTER: u32 = 1 << 31;
 
-/// Lanes of a receiver: its four corners (the last of a triangle unused) and its middle.
+/// Points of a receiver: four towards its corners (the last of a triangle unused), see [`crate::field::INNER`], and its
+/// middle.
 pub(crate) const MIDDLE: usize = 4;
 
 /// A link: light that leaves `source` and arrives at `receiver`.
 ///
-/// 32 bytes. `factors`: what arrives at the corners and the middle of an element for each unit of the source: of
+/// 32 bytes. `factors`: what arrives at the points of an element for each unit of the source: of
 /// radiosity, if it is an element (a form factor times a visibility); of intensity towards the receiver, if it is a
 /// cluster (steradian per square metre times a visibility). A cluster that receives has one factor, its first, without
 /// the cosine: what a surface facing the source would receive.

@@ -62,7 +62,7 @@ fn noise(state: State) -> f32 {
         v * (1.0 - v) / (rays + 1.0) + 1.0 / (rays + 2.0) / (rays + 2.0)
     } else {
         // Strata in the plane of the source: those on the border of a shadow count alone, about 2 n of n².
-        0.8 * v * (1.0 - v) * rays.powf(-1.5) + 1.0 / (5.0 * rays + 2.0) / (5.0 * rays + 2.0)
+        0.8 * v * (1.0 - v) / (rays * rays.sqrt()) + 1.0 / (5.0 * rays + 2.0) / (5.0 * rays + 2.0)
     }
 }
 

@@ -19,8 +19,9 @@ pub struct LinkColumns {
     pub receiver: Vec<u32>,
     /// Where it comes from.
     pub source: Vec<u32>,
-    /// At the receiver's corners (the last of a triangle is its third again) and middle: what arrives for each unit of
-    /// the source, visibility included. Of an element that is a form factor; of a cluster, steradian per square metre.
+    /// At five points of the receiver, 0.6 of the way from its middle to its corners (the last of a triangle means nothing)
+    /// and at its middle: what arrives for each unit of the source, visibility included. Of an element that is a form
+    /// factor; of a cluster, steradian per square metre.
     pub factors: Vec<[f32; 5]>,
     /// Mean visibility, 0 to 1, in steps of 1/255.
     pub visibility: Vec<f32>,

@@ -1,9 +1,10 @@
-//! Values at points.
+//! Values at points: a field and a place go in, the light there comes out.
 
 use crate::geometry::{Element, Geometry, NONE};
 use crate::light::{Bands, Field, Light};
 use crate::link::MIDDLE;
 use glam::{DVec3, Vec3};
+use isolux_core::solution::bilinear_coordinates;
 
 /// Irradiance at a point of a polygon, in the middle's coordinates.
 pub(crate) fn field_at(geometry: &Geometry, elements: &[Element], light: &Light, polygon: u32, point: Vec3) -> Bands {
@@ -21,7 +22,7 @@ pub(crate) fn field_at(geometry: &Geometry, elements: &[Element], light: &Light,
 /// outside takes the value on the border.
 pub(crate) fn within(corners: &[DVec3], normal: DVec3, point: DVec3, field: &Field) -> Bands {
     let (weights, bulge) = if let &[a, b, c, d] = corners {
-        let (s, t) = coordinates([a, b, c, d], normal, point);
+        let (s, t) = bilinear_coordinates([a, b, c, d], normal, point);
         let (u, v) = (2.0 * s - 1.0, 2.0 * t - 1.0);
         ([(1.0 - s) * (1.0 - t), s * (1.0 - t), s * t, (1.0 - s) * t], 1.0 - 0.5 * (u * u + v * v))
     } else {
@@ -41,23 +42,7 @@ pub(crate) fn within(corners: &[DVec3], normal: DVec3, point: DVec3, field: &Fie
     })
 }
 
-/// Bilinear coordinates of a point, clamped to the element: by Newton's iteration, exact after one step for
-/// parallelograms.
-fn coordinates([a, b, c, d]: [DVec3; 4], normal: DVec3, point: DVec3) -> (f64, f64) {
-    let twist = a - b + c - d;
-    let (mut s, mut t) = (0.5, 0.5);
-    for _ in 0..8 {
-        let here = a + (b - a) * s + (d - a) * t + twist * (s * t);
-        let (along_s, along_t) = (b - a + twist * t, d - a + twist * s);
-        let determinant = normal.dot(along_s.cross(along_t));
-        let missing = point - here;
-        s += normal.dot(missing.cross(along_t)) / determinant;
-        t += normal.dot(along_s.cross(missing)) / determinant;
-    }
-    (s.clamp(0.0, 1.0), t.clamp(0.0, 1.0))
-}
-
-/// Which quarter holds a point, as in [`isolux_core::tree::quadrant_of`].
+/// Which quarter holds a point: [`isolux_core::tree::quadrant_of`] in single precision, since rays ask it by the million.
 fn quadrant(element: &Element, normal: Vec3, point: Vec3) -> usize {
     let left = |from: Vec3, to: Vec3| normal.dot((to - from).cross(point - from)) > 0.0;
     let middle = |a: Vec3, b: Vec3| (a + b) * 0.5;

@@ -70,7 +70,8 @@ impl SmoothSurfaces {
         let cell = &self.cells[at as usize];
         let value = |vertex: u32| self.mesh.irradiance[vertex as usize];
         if cell.corners.len() == 4 && !cell.hanging {
-            let (s, t) = bilinear_coordinates(&cell.corners, normal, point);
+            let corners = [0, 1, 2, 3].map(|k| cell.corners[k]);
+            let (s, t) = bilinear_coordinates(corners, normal, point);
             let [a, b, c, d] = cell.vertices.map(value);
             return a * ((1.0 - s) * (1.0 - t)) + b * (s * (1.0 - t)) + c * (s * t) + d * ((1.0 - s) * t);
         }
@@ -107,8 +108,8 @@ fn barycentric([a, b, c]: [DVec3; 3], normal: DVec3, point: DVec3) -> [f64; 3] {
 
 /// The `(s, t)` in `[0, 1]²` with `(1-s)(1-t) a + s(1-t) b + s t c + (1-s) t d = point`, by Newton's iteration: exact
 /// after one step for parallelograms; convex quadrilaterals that turn by `MIN_CORNER_SINE` settle within 8.
-fn bilinear_coordinates(corners: &Corners, normal: DVec3, point: DVec3) -> (f64, f64) {
-    let (a, b, c, d) = (corners[0], corners[1], corners[2], corners[3]);
+#[must_use]
+pub fn bilinear_coordinates([a, b, c, d]: [DVec3; 4], normal: DVec3, point: DVec3) -> (f64, f64) {
     let twist = a - b + c - d;
     let (mut s, mut t) = (0.5, 0.5);
     for _ in 0..8 {
