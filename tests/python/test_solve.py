@@ -370,7 +370,7 @@ def test_wrong_outputs_are_named(lit, tmp_path):
 def test_links_of_the_fast_engine_close_the_furnace():
     """Catches means that weigh a receiver's points wrongly, and pairs that are linked twice or not at all.
 
-    What a wall of a closed box sees adds up to 1; measured 0.9992 to 1.0005 here, and up to 1.09 elsewhere with
+    What a wall of a closed box sees adds up to 1; measured 0.9992 to 1.0005 here, up to 1.09 elsewhere with
     the points taken for corners.
     """
     solution = isolux.solve(box(), error=0.1, schedule="wavefront")
