@@ -3,9 +3,10 @@
 
 use crate::geometry::{Element, Geometry};
 use crate::light::{Bands, Light};
-use crate::rays::point_of;
+use crate::rays::even_point_of;
 use glam::Vec3;
 use isolux_core::sampling::{Stream, mix};
+use isolux_simd::factor::{Polygon, point_factors};
 use rayon::prelude::*;
 use std::f32::consts::PI;
 
@@ -48,14 +49,27 @@ struct Point {
     solved: Bands,
 }
 
-/// Polygons that emit, by power.
+/// Emitters from which each point chooses by what they throw on it; of more, all points choose by power.
+const MOST_WEIGHED: usize = 4096;
+
+/// Share of the choice that is left to power: what a factor in single precision loses is then still found.
+const BY_POWER: f64 = 0.05;
+
+/// Polygons that emit.
 struct Emitters {
     polygons: Vec<u32>,
-    /// Share of the power before each, and 1.
-    before: Vec<f64>,
+    /// Their shares of the power.
+    shares: Vec<f64>,
     /// Rays to emitters of a batch, over those over the hemisphere.
     ratio: f32,
-    /// Density of places on emitters, per square metre, by polygon.
+}
+
+/// Emitters as one point chooses among them.
+struct Choice<'a> {
+    polygons: &'a [u32],
+    /// Probability of all before each, and 1.
+    before: Vec<f64>,
+    /// Density of rays to places on emitters, per square metre, over that of rays over the hemisphere, by emitter.
     density: Vec<f32>,
 }
 
@@ -67,28 +81,58 @@ impl Emitters {
         };
         let polygons: Vec<u32> = (0..geometry.surfaces.len() as u32).filter(|polygon| power(polygon) > 0.0).collect();
         let whole: f64 = polygons.iter().map(power).sum();
-        let mut before = vec![0.0];
-        for polygon in &polygons {
-            before.push(before[before.len() - 1] + power(polygon) / whole);
-        }
-        let density = (0..geometry.surfaces.len() as u32)
-            .map(|polygon| (power(&polygon) / whole / f64::from(roots[polygon as usize].area)) as f32)
-            .collect();
-        Emitters { polygons, before, ratio, density }
+        let shares = polygons.iter().map(|polygon| power(polygon) / whole).collect();
+        Emitters { polygons, shares, ratio }
     }
 
-    /// What a ray over the hemisphere that ends on an emitter counts for, so that it and the rays to places on emitters tell
-    /// its emission once together (balance heuristic: E. Veach, L. Guibas 1995). `rise`, `fall`: cosines at both ends;
-    /// `square`: squared length of the ray, m².
+    /// Chooses by what each emitter would throw on a point if nothing were in between.
+    fn seen_from(&self, point: Vec3, normal: Vec3, geometry: &Geometry, roots: &[Element]) -> Choice<'_> {
+        let weigh = self.polygons.len() <= MOST_WEIGHED;
+        let thrown = |&polygon: &u32| -> f64 {
+            let (surface, root) = (&geometry.surfaces[polygon as usize], &roots[polygon as usize]);
+            let source = Polygon {
+                corners: root.corners.map(|corner| corner.to_array()),
+                count: root.count.into(),
+                normal: surface.normal.to_array(),
+            };
+            let (points, normals) =
+                (point.to_array().map(|value| [value; 8]), normal.to_array().map(|value| [value; 8]));
+            let factor = point_factors(geometry.backend, &points, &normals, &source)[0];
+            f64::from(factor * surface.emission.iter().sum::<f32>())
+        };
+        let weights: Vec<f64> = if weigh { self.polygons.iter().map(thrown).collect() } else { Vec::new() };
+        let whole: f64 = weights.iter().sum();
+        let chance = |index: usize| {
+            if whole > 0.0 {
+                BY_POWER * self.shares[index] + (1.0 - BY_POWER) * weights[index] / whole
+            } else {
+                self.shares[index]
+            }
+        };
+        let mut before = vec![0.0];
+        let mut density = Vec::with_capacity(self.polygons.len());
+        for (index, &polygon) in self.polygons.iter().enumerate() {
+            before.push(before[index] + chance(index));
+            density.push(self.ratio * (chance(index) / f64::from(roots[polygon as usize].area)) as f32);
+        }
+        Choice { polygons: &self.polygons, before, density }
+    }
+}
+
+impl Choice<'_> {
+    /// What a ray over the hemisphere that ends on a surface counts for the emission there, so that it and the rays to
+    /// places on emitters tell it once together (balance heuristic: E. Veach, L. Guibas 1995). `rise`, `fall`: cosines at
+    /// both ends; `square`: squared length of the ray, m².
     fn by_direction(&self, polygon: u32, rise: f32, fall: f32, square: f32) -> f32 {
+        let Ok(index) = self.polygons.binary_search(&polygon) else { return 1.0 };
         let direction = rise / PI;
-        let place = self.ratio * self.density[polygon as usize] * square / fall.max(f32::MIN_POSITIVE);
+        let place = self.density[index] * square / fall.max(f32::MIN_POSITIVE);
         direction / (direction + place)
     }
 
-    /// The emitter that holds a place in [0, 1) of the power, and its share of it.
-    fn pick(&self, share: f64) -> (u32, f64) {
-        let index = self.before.partition_point(|&before| before <= share).clamp(1, self.polygons.len()) - 1;
+    /// The emitter that holds a place in [0, 1), and its probability.
+    fn pick(&self, place: f64) -> (u32, f64) {
+        let index = self.before.partition_point(|&before| before <= place).clamp(1, self.polygons.len()) - 1;
         (self.polygons[index], self.before[index + 1] - self.before[index])
     }
 }
@@ -112,10 +156,11 @@ pub(crate) fn check(geometry: &Geometry, elements: &[Element], light: &Light, er
             let wanted = area * (index as f64 + stream.next_unit()) / POINTS as f64;
             let polygon = before.partition_point(|&before| before <= wanted).max(1) - 1;
             let jitter = [stream.next_unit() as f32, stream.next_unit() as f32];
-            let (point, _) = point_of(&elements[polygon], 0, 0, jitter);
+            let point = even_point_of(&elements[polygon], jitter);
             if crate::contacts::is_covered(point, polygon as u32, geometry) {
                 return None;
             }
+            let emitters = emitters.seen_from(point, geometry.surfaces[polygon].normal, geometry, elements);
             let gather = |stream: &mut Stream| {
                 let mut sum =
                     over_hemisphere(point, polygon as u32, side, geometry, elements, light, &emitters, stream);
@@ -172,7 +217,7 @@ fn over_hemisphere(
     geometry: &Geometry,
     elements: &[Element],
     light: &Light,
-    emitters: &Emitters,
+    emitters: &Choice<'_>,
     stream: &mut Stream,
 ) -> Bands {
     let mut sum = [0.0_f32; 3];
@@ -205,7 +250,7 @@ fn emitted(
     rays: usize,
     geometry: &Geometry,
     elements: &[Element],
-    emitters: &Emitters,
+    emitters: &Choice<'_>,
     stream: &mut Stream,
 ) -> Bands {
     let normal = geometry.surfaces[polygon as usize].normal;
@@ -214,7 +259,7 @@ fn emitted(
         let (emitter, share) = emitters.pick((sample as f64 + stream.next_unit()) / rays as f64);
         let element = &elements[emitter as usize];
         let jitter = [stream.next_unit() as f32, stream.next_unit() as f32];
-        let (place, _) = point_of(element, 0, 0, jitter);
+        let place = even_point_of(element, jitter);
         let towards = place - point;
         let square = towards.length_squared();
         let surface = &geometry.surfaces[emitter as usize];

@@ -6,7 +6,8 @@
 
 use crate::clusters::Clusters;
 use crate::geometry::{Element, Geometry, NONE};
-use crate::rays::point_of;
+use crate::rays::own_point;
+use crate::read::quadrant;
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -100,8 +101,8 @@ fn bounds(root: &Element) -> (Vec3, Vec3) {
         .fold((root.corners[0], root.corners[0]), |(low, high), &corner| (low.min(corner), high.max(corner)))
 }
 
-/// Does a segment of an element's plane run through its inside, further than a tolerance from its sides?
-fn crosses(element: &Element, segment: &[Vec3; 2], normal: Vec3, tolerance: f32) -> bool {
+/// The part of a segment of an element's plane that runs through its inside, further than a tolerance from its sides.
+fn within(element: &Element, segment: &[Vec3; 2], normal: Vec3, tolerance: f32) -> Option<[Vec3; 2]> {
     let corners = &element.corners[..element.count as usize];
     // The part of the segment that is left of all sides.
     let (mut from, mut to) = (0.0_f32, 1.0_f32);
@@ -111,44 +112,97 @@ fn crosses(element: &Element, segment: &[Vec3; 2], normal: Vec3, tolerance: f32)
         let margin = tolerance.max(1e-3 * side.length());
         let depth = [0, 1].map(|end: usize| inward.dot(segment[end] - corners[k]) - margin);
         match (depth[0] > 0.0, depth[1] > 0.0) {
-            (false, false) => return false,
+            (false, false) => return None,
             (true, true) => {}
             (true, false) => to = to.min(depth[0] / (depth[0] - depth[1])),
             (false, true) => from = from.max(depth[0] / (depth[0] - depth[1])),
         }
     }
-    from < to
+    (from < to).then(|| [from, to].map(|share| segment[0] + (segment[1] - segment[0]) * share))
+}
+
+fn crosses(element: &Element, segment: &[Vec3; 2], normal: Vec3, tolerance: f32) -> bool {
+    within(element, segment, normal, tolerance).is_some()
 }
 
 /// Marks roots: crossed or not, covered or not.
 pub(crate) fn mark(elements: &mut [Element], geometry: &Geometry) {
     elements.par_iter_mut().for_each(|element| {
         element.crossed = !geometry.contacts.of(element.polygon).is_empty();
-        element.open = open_parts(element, geometry);
+        (element.open, element.divided) = open_parts(element, geometry);
     });
 }
 
-/// The parts of an element that nothing covers: of one that nothing stands on all or none.
-fn open_parts(element: &Element, geometry: &Geometry) -> u16 {
+/// The parts of an element whose own points nothing covers (of one that nothing stands on all or none), and whether there are
+/// open places on either side of a line of contact.
+fn open_parts(element: &Element, geometry: &Geometry) -> (u16, bool) {
     if !element.crossed {
-        return if is_covered(element.centre(), element.polygon, geometry) { 0 } else { u16::MAX };
+        let open = if is_covered(element.centre(), element.polygon, geometry) { 0 } else { u16::MAX };
+        return (open, false);
     }
-    (0..16).fold(0, |open, part| {
-        let (point, _) = point_of(element, 2, part, MIDDLE_OF_PART);
-        open | u16::from(!is_covered(point, element.polygon, geometry)) << part
+    let own: [Vec3; 16] = std::array::from_fn(|part| own_point(element, part).0);
+    let open =
+        (0..16).fold(0, |open, part| open | u16::from(!is_covered(own[part], element.polygon, geometry)) << part);
+    let mut lit: Vec<Vec3> = (0..16).filter(|part| open >> part & 1 == 1).map(|part| own[part]).collect();
+    let from_strips = strips(element, geometry, &mut lit);
+    let normal = geometry.surfaces[element.polygon as usize].normal;
+    let divided = open == 0 && from_strips != 0
+        || geometry.contacts.of(element.polygon).iter().any(|line| {
+            let Some([from, to]) = within(element, line, normal, geometry.tolerance) else { return false };
+            let left = |point: &Vec3| normal.dot((to - from).cross(*point - from)) > 0.0;
+            lit.iter().any(left) && !lit.iter().all(left)
+        });
+    (if open == 0 { from_strips } else { open }, divided)
+}
+
+/// Places along a line of contact at which both sides are asked, as shares of its part within an element.
+const PLACES: [f32; 5] = [0.03, 0.27, 0.5, 0.73, 0.97];
+
+/// Distance from a line of contact at which its sides are asked, in tolerances.
+const BESIDE: f32 = 8.0;
+
+/// The parts of an element that hold something open beside a line of contact: what is open ends at such lines. Appends the
+/// places.
+fn strips(element: &Element, geometry: &Geometry, lit: &mut Vec<Vec3>) -> u16 {
+    let normal = geometry.surfaces[element.polygon as usize].normal;
+    let mut open = 0;
+    for line in geometry.contacts.of(element.polygon) {
+        let Some([from, to]) = within(element, line, normal, geometry.tolerance) else { continue };
+        let aside = normal.cross(to - from).normalize_or_zero() * (BESIDE * geometry.tolerance);
+        for place in PLACES {
+            for side in [aside, -aside] {
+                let point = from + (to - from) * place + side;
+                if is_inside(element, point, normal) && !is_covered(point, element.polygon, geometry) {
+                    open |= 1 << part_at(element, point, normal);
+                    lit.push(point);
+                }
+            }
+        }
+    }
+    open
+}
+
+fn is_inside(element: &Element, point: Vec3, normal: Vec3) -> bool {
+    let corners = &element.corners[..element.count as usize];
+    (0..corners.len()).all(|k| {
+        let side = corners[(k + 1) % corners.len()] - corners[k];
+        normal.dot(side.cross(point - corners[k])) >= 0.0
     })
 }
 
-/// Jitter of the middle of a part: of a triangle's, its centroid.
-const MIDDLE_OF_PART: [f32; 2] = [0.5, 0.5];
+/// Which of the sixteen parts of an element holds a point.
+fn part_at(element: &Element, point: Vec3, normal: Vec3) -> usize {
+    let quarter = quadrant(element, normal, point);
+    quarter << 2 | quadrant(&element.quarters(0)[quarter], normal, point)
+}
 
 /// Directions that a point looks in, as height over its plane and turn about its normal, radians: up, and around at two
 /// heights. What is open sees out in one of the first, mostly.
 const LOOKS: [(f32, f32); 13] = [
-    (1.57, 0.0),
     (0.8, 0.4),
-    (0.8, 2.0),
     (0.8, 3.5),
+    (1.57, 0.0),
+    (0.8, 2.0),
     (0.8, 5.1),
     (0.25, 0.0),
     (0.25, 0.8),
@@ -160,25 +214,57 @@ const LOOKS: [(f32, f32); 13] = [
     (0.25, 5.5),
 ];
 
-/// Is a point of a polygon inside something solid: does it see nothing but backs of surfaces without a lit back, whichever
-/// way it looks? Under a table's top, whose underside may be such a back, it sees out at the sides.
+/// Looks that may see out though the point is inside something solid: modellers leave out the faces where parts meet, and
+/// edges do not close.
+const STRAY: usize = 2;
+
+/// Looks that see backs where a point may be inside something solid that other surfaces close: behind a skirting board that
+/// has no back, wall and floor are in view too.
+const MOST: usize = 7;
+
+/// Looks after which a point that has seen no back is open.
+const FIRST: usize = 3;
+
+/// Is a point of a polygon inside something solid: does it see nothing but backs of surfaces without a lit back, and fronts
+/// that see little else themselves, whichever way it looks? Under a table's top, whose underside may be such a back, it sees
+/// out at the sides.
 pub(crate) fn is_covered(point: Vec3, polygon: u32, geometry: &Geometry) -> bool {
+    let Some((backs, fronts)) = look_around(point, polygon, geometry) else { return false };
+    if backs < MOST {
+        return false;
+    }
+    let closed =
+        |&&(place, side): &&(Vec3, u32)| look_around(place, side, geometry).is_some_and(|(backs, _)| backs >= MOST);
+    let lost = LOOKS.len() - backs - fronts.len();
+    lost + fronts.len() - fronts.iter().filter(closed).count() <= STRAY
+}
+
+/// How many looks from a point see backs, and the places on fronts that others see; nothing where the first see no back.
+fn look_around(point: Vec3, polygon: u32, geometry: &Geometry) -> Option<(usize, Vec<(Vec3, u32)>)> {
     let normal = geometry.surfaces[polygon as usize].normal;
     let (tangent, bitangent) = normal.any_orthonormal_pair();
     let far = 4.0 * geometry.scene.diameter as f32;
-    LOOKS.iter().all(|&(height, turn)| {
+    let (mut backs, mut fronts) = (0, Vec::new());
+    for (index, &(height, turn)) in LOOKS.iter().enumerate() {
+        if index == FIRST && backs == 0 {
+            return None;
+        }
         let (across, along) = libm::sincosf(turn);
         let (rise, run) = libm::sincosf(height);
         let direction = (tangent * along + bitangent * across) * run + normal * rise;
         let start = 2.0 * geometry.tolerance / rise;
         let hit = geometry.bvh.closest(geometry.backend, point.to_array(), direction.to_array(), start, far);
-        hit.is_some_and(|hit| {
-            let polygon = geometry.polygon_of[hit.primitive as usize];
-            let front = &geometry.scene.polygons[polygon as usize];
-            let solid = front.twin.is_none() && front.mask.is_none() && front.opacity >= 1.0;
-            solid && geometry.surfaces[polygon as usize].normal.dot(direction) > 0.0
-        })
-    })
+        let Some(hit) = hit else { continue };
+        let polygon = geometry.polygon_of[hit.primitive as usize];
+        let front = &geometry.scene.polygons[polygon as usize];
+        let solid = front.twin.is_none() && front.mask.is_none() && front.opacity >= 1.0;
+        if solid && geometry.surfaces[polygon as usize].normal.dot(direction) > 0.0 {
+            backs += 1;
+        } else {
+            fronts.push((point + direction * hit.t, polygon));
+        }
+    }
+    Some((backs, fronts))
 }
 
 /// Appends the quarters of `element`, unless it has some, and returns the first.
@@ -195,7 +281,7 @@ pub(crate) fn split(elements: &mut Vec<Element>, element: u32, geometry: &Geomet
         if node.crossed {
             let mut lines = geometry.contacts.of(node.polygon).iter();
             quarter.crossed = lines.any(|line| crosses(quarter, line, normal, geometry.tolerance));
-            quarter.open = open_parts(quarter, geometry);
+            (quarter.open, quarter.divided) = open_parts(quarter, geometry);
         }
     }
     elements.extend(quarters);

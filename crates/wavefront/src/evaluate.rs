@@ -5,7 +5,7 @@ use crate::clusters::Clusters;
 use crate::field::{INNER, mean};
 use crate::geometry::{Element, Geometry};
 use crate::link::{CLUSTER, Link, MIDDLE, State};
-use crate::rays::{Jitter, Packet, RAYS, point_of, sample};
+use crate::rays::{Jitter, Packet, RAYS, own_point, point_of, sample};
 use glam::Vec3;
 use isolux_simd::factor::{Polygon, point_factors};
 use std::f32::consts::FRAC_1_PI;
@@ -224,39 +224,40 @@ impl Evaluator<'_> {
         ]
     }
 
-    /// A link of two elements with 4^(rays+1) rays to the source from each of the receiver's points.
+    /// A link of two elements with 4^(rays+1) rays to the source from each of five regions of the receiver: its quarters,
+    /// and its middle.
     pub(crate) fn points(&self, receiver: u32, source: u32, rays: u8, last: &mut u32) -> Option<Link> {
         let (x, y) = (&self.elements[receiver as usize], &self.elements[source as usize]);
-        let (mut factors, _) = self.exchange(x, y);
+        let (factors, _) = self.exchange(x, y);
         let (normal, other) = (self.normal(x), self.normal(y));
         let mut at = [0.0; 5];
         let (mut least, mut most, mut saturated) = (1.0_f32, 0.0_f32, false);
         let (mut sum, mut whole) = (0.0, 0.0);
-        let mut hidden = [false; 5];
+        let mut unknown = [false; 5];
         let (mut middle, mut lit, mut places) = ([0.0; 2], 0.0, [[0.0; 2]; RAYS]);
-        for (k, point) in points(x).into_iter().enumerate() {
-            if x.crossed && crate::contacts::is_covered(point, x.polygon, self.geometry) {
-                hidden[k] = true;
+        let depth = rays as usize + 1;
+        for k in (0..5).filter(|&k| k != 3 || x.count == 4) {
+            let open = open_of(x, k);
+            if open.is_empty() {
+                unknown[k] = true;
                 continue;
             }
-            if factors[k] <= 0.0 || k == 3 && x.count == 3 {
-                factors[k] = if k == 3 && x.count == 3 { 0.0 } else { factors[k] };
-                continue;
-            }
-            // Named by place: leaves that share a corner look from it along the same rays, but for the inset.
-            let place = |value: f32| u64::from((value / self.geometry.tolerance / 64.0).round() as i32 as u32);
-            let name = if k == MIDDLE { point } else { x.corners[k] };
-            let name = place(name.x) ^ place(name.y) << 21 ^ place(name.z) << 42;
-            let mut jitter = Jitter::new(name, y.path.to_bits(), self.seed);
+            let mut jitter = Jitter::new(x.path.to_bits() ^ k as u64, y.path.to_bits(), self.seed);
+            let turn = jitter.bits() as usize;
             let (mut seen, mut all) = (0.0, 0.0);
             let mut packet = Packet::new();
-            let depth = rays as usize + 1;
             for first in (0..1_usize << (2 * depth)).step_by(RAYS) {
                 for ray in 0..RAYS {
-                    let [s, t, _, _] = jitter.four();
-                    let (to, place) = point_of(y, depth, first + ray, [s, t]);
+                    let index = first + ray;
+                    let [s, t, u, v] = jitter.four();
+                    let from = if x.crossed {
+                        own_point(x, open[(index ^ turn) % open.len()]).0
+                    } else {
+                        point_in(x, k, depth, reversed(index, depth) ^ (turn & ((1 << (2 * depth)) - 1)), [u, v])
+                    };
+                    let (to, place) = point_of(y, depth, index, [s, t]);
                     places[ray] = place;
-                    packet.set(ray, point, normal, to, other, self.geometry.tolerance);
+                    packet.set(ray, from, normal, to, other, self.geometry.tolerance);
                 }
                 let through = packet.through(self.geometry, last);
                 for ray in 0..RAYS {
@@ -267,24 +268,31 @@ impl Evaluator<'_> {
                     lit += weight;
                 }
             }
-            at[k] = if all > 0.0 { seen / all } else { 0.5 };
+            if all <= 0.0 {
+                unknown[k] = true;
+                continue;
+            }
+            at[k] = seen / all;
             least = least.min(at[k]);
             most = most.max(at[k]);
             saturated |= at[k] <= 0.0 || at[k] >= 1.0;
-            sum += at[k] * factors[k];
-            whole += factors[k];
+            let weight = factors[k].max(1e-3 * factors[MIDDLE]);
+            sum += at[k] * weight;
+            whole += weight;
         }
         if whole <= 0.0 {
             return None;
         }
-        for k in 0..5 {
-            if hidden[k] {
-                at[k] = sum / whole;
-            }
+        for k in (0..5).filter(|&k| unknown[k]) {
+            at[k] = sum / whole;
+        }
+        // Quarters lie half way to the corners, points further out.
+        for k in 0..x.count as usize {
+            at[k] = (at[MIDDLE] + 2.0 * INNER * (at[k] - at[MIDDLE])).clamp(0.0, 1.0);
         }
         let flags = if saturated { State::SATURATED } else { 0 };
         let centre = if lit > 0.0 { middle.map(|value| value / lit) } else { [0.5; 2] };
-        let state = State::new(byte(sum / whole), byte(most - least), rays, flags, centre);
+        let state = State::new(byte(sum / whole), byte((most - least).max(0.0)), rays, flags, centre);
         let (at, state) = shaded(at, state);
         Some(Link { receiver, source, factors: std::array::from_fn(|k| factors[k] * at[k]), state })
     }
@@ -321,12 +329,17 @@ impl Evaluator<'_> {
                 let (centre, own_radius) = self.ball(receiver);
                 let towards = source_centre - centre;
                 let square = towards.length_squared();
-                factors[0] = sight.at[MIDDLE] / square.max(touching);
+                factors[0] = 1.0 / square.max(touching);
+                factors[1] = factors[0];
                 if source & CLUSTER == 0 {
                     let element = &self.elements[source as usize];
-                    let rise = horizon(-self.normal(element).dot(towards), own_radius, &mut state);
-                    factors[0] *= element.area * rise / square.sqrt() * FRAC_1_PI;
+                    let height = -self.normal(element).dot(towards);
+                    let rise = horizon(height, own_radius, &mut state);
+                    let facing = element.area * FRAC_1_PI;
+                    factors[0] *= facing * rise / square.sqrt();
+                    factors[1] *= facing * ((height + own_radius) / square.sqrt()).min(1.0);
                 }
+                factors[0] *= sight.at[MIDDLE];
             }
             if !factors.iter().all(|factor| factor.is_finite()) {
                 // Middles that coincide: only a split can tell.
@@ -341,6 +354,37 @@ impl Evaluator<'_> {
             if wants & B_RECEIVES != 0 { link(b, a, at_b) } else { None },
         ]
     }
+}
+
+/// The parts of a receiver's region `k` (a quarter, or the middle) in which its own points are open.
+fn open_of(element: &Element, k: usize) -> Vec<usize> {
+    let parts: [usize; 4] = match (k, element.count) {
+        // Of each quarter the part that touches the middle; of a triangle all of the quarter there.
+        (MIDDLE, 4) => [2, 7, 8, 13],
+        (MIDDLE, _) => [12, 13, 14, 15],
+        _ => [4 * k, 4 * k + 1, 4 * k + 2, 4 * k + 3],
+    };
+    parts.into_iter().filter(|part| element.open >> part & 1 == 1).collect()
+}
+
+/// A point of part `index` of the 4^depth parts of a receiver's region `k`.
+fn point_in(element: &Element, k: usize, depth: usize, index: usize, jitter: [f32; 2]) -> Vec3 {
+    let depth = depth.min(3);
+    let index = index & ((1 << (2 * depth)) - 1);
+    match (k, element.count) {
+        (MIDDLE, 4) => {
+            let (point, _) = point_of(element, depth, index, jitter);
+            let centre = element.centre();
+            centre + (point - centre) * 0.5
+        }
+        (MIDDLE, _) => point_of(element, depth + 1, 3 << (2 * depth) | index, jitter).0,
+        _ => point_of(element, depth + 1, k << (2 * depth) | index, jitter).0,
+    }
+}
+
+/// The digits of an index to base 4 in reverse order.
+fn reversed(index: usize, digits: usize) -> usize {
+    (0..digits).fold(0, |reversed, digit| reversed << 2 | index >> (2 * digit) & 3)
 }
 
 /// Gives a field the mean that it is known to have: at the middle, where it lacks; everywhere, where it has too much.

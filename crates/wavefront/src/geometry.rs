@@ -40,8 +40,10 @@ pub(crate) struct Element {
     pub(crate) first_child: u32,
     /// 3 or 4.
     pub(crate) count: u8,
-    /// Does something stand on it, so that it may be lit on one side of a line and dark on the other?
+    /// Does a line of contact run through it?
     pub(crate) crossed: bool,
+    /// Is it open on both sides of such a line, so that it may be lit on one and dark on the other?
+    pub(crate) divided: bool,
     /// Which of its sixteen parts, in the order of the quadtree, nothing covers.
     pub(crate) open: u16,
     pub(crate) path: Path,
@@ -69,7 +71,18 @@ impl Element {
         let [a, b, c, d] = corners;
         let area = 0.5 * (c - a).cross(d - b).length();
         let area = if count == 4 { area } else { 0.5 * (b - a).cross(c - a).length() };
-        Element { corners, area, polygon, parent, first_child: NONE, count, crossed: false, open: u16::MAX, path }
+        Element {
+            corners,
+            area,
+            polygon,
+            parent,
+            first_child: NONE,
+            count,
+            crossed: false,
+            divided: false,
+            open: u16::MAX,
+            path,
+        }
     }
 
     /// Its quarters: quarter k < n touches corner k, the fourth of a triangle is its middle.

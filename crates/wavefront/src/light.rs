@@ -22,6 +22,9 @@ pub(crate) type Directional = [Bands; 9];
 /// Most that a reflection is taken to leave: mean errors are claimed to grow tenfold at most.
 const MOST_KEPT: f64 = 0.9;
 
+/// Share of its mean that a linear source has in its darkest corner at least.
+const LEAST_LEFT: f32 = 0.1;
+
 const DARK: Field = [[0.0; 3]; 5];
 
 /// Root mean square over bands.
@@ -227,7 +230,9 @@ impl Light {
             let index = (link.source & !CLUSTER) as usize;
             return self.cluster_radiosity[index] * evaluator.clusters.nodes[index].area * FRAC_1_PI * 0.5;
         }
-        rms(self.value(link, evaluator))
+        let value = rms(self.value(link, evaluator));
+        // Where a slope says that nothing comes from the place that counts, its surroundings may still.
+        if link.source & CLUSTER == 0 { value.max(rms(self.radiosity[link.source as usize])) } else { value }
     }
 
     /// One pass: gather over `links`, sorted by receiver, push, pull.
@@ -339,6 +344,10 @@ impl Light {
             let element = &elements[index];
             let surface = &geometry.surfaces[element.polygon as usize];
             if element.first_child == NONE {
+                if element.open == 0 {
+                    // Nothing gets under what covers it.
+                    self.field[index] = DARK;
+                }
                 let field = &self.field[index];
                 let middle = mean(field, element.count);
                 let middle = middle.map(|value| value.max(0.0));
@@ -360,7 +369,7 @@ impl Light {
                         (at(1) - at(0), at(2) - at(0))
                     };
                 }
-                self.slope[index] = slope;
+                self.slope[index] = limited(slope, self.radiosity[index], element.count);
                 self.deviation[index] = parted(square, &slope, element.count);
             } else {
                 let first = element.first_child as usize;
@@ -401,7 +410,7 @@ impl Light {
                         std::array::from_fn(|k| 2.0 * (at(2, k) - at(0, k))),
                     ]
                 };
-                self.slope[index] = slope;
+                self.slope[index] = limited(slope, radiosity, element.count);
                 self.deviation[index] = parted(square, &slope, element.count);
                 self.radiosity[index] = radiosity;
                 self.irradiance[index] = irradiance;
@@ -465,6 +474,25 @@ fn send_to_members(arriving: &mut [Directional], field: &mut [Field], evaluator:
             }
         }
     }
+}
+
+/// A slope that leaves a share of the mean in every corner: light that falls off towards a side steeper than a line is still
+/// light there.
+fn limited(slope: [Bands; 2], radiosity: Bands, count: u8) -> [Bands; 2] {
+    let mut limited = slope;
+    for band in 0..3 {
+        let (s, t) = (slope[0][band], slope[1][band]);
+        let deepest = if count == 4 {
+            0.5 * (s.abs() + t.abs())
+        } else {
+            ((s + t) / 3.0).max(((s + t) / 3.0 - s.min(t)).max(0.0))
+        };
+        let most = (1.0 - LEAST_LEFT) * radiosity[band].max(0.0);
+        if deepest > most {
+            limited.iter_mut().for_each(|slope| slope[band] *= most / deepest);
+        }
+    }
+    limited
 }
 
 /// Splits a variance (mean over bands) into what a slope makes of it, and the rest; as deviations.

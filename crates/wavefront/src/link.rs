@@ -12,7 +12,8 @@ pub(crate) const MIDDLE: usize = 4;
 /// 32 bytes. `factors`: what arrives at the points of an element for each unit of the source: of
 /// radiosity, if it is an element (a form factor times a visibility); of intensity towards the receiver, if it is a
 /// cluster (steradian per square metre times a visibility). A cluster that receives has one factor, its first, without
-/// the cosine: what a surface facing the source would receive.
+/// the cosine: what a surface facing the source would receive; its second says how much that may be where nothing is in
+/// between and the source is seen from its front.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Link {
     pub(crate) receiver: u32,

@@ -38,7 +38,13 @@ pub(crate) const BULGE: f32 = 0.3;
 const STEP: f32 = 0.29;
 
 /// How many times what it carries a link counts that cannot tell how much that is: many such links err together.
-pub(crate) const ROUGH: f32 = 5.0;
+pub(crate) const ROUGH: f32 = 2.0;
+
+/// Least visibility by which what would be seen without what blocks is told from what is.
+const LEAST_SEEN: f32 = 0.5;
+
+/// Visibility that 16 blocked rays leave possible, as root mean square: 1/18.
+const UNSEEN: f32 = 1.0 / 324.0;
 
 /// Most rays from a point: 4^(3+1).
 pub(crate) const MOST_RAYS: u8 = 3;
@@ -84,9 +90,21 @@ pub(crate) fn errors(link: &Link, evaluator: &Evaluator<'_>, light: &Light) -> E
     let distance = from.distance(to).max(1e-3 * (own + other));
     let is_cluster = |node: u32| node & CLUSTER != 0;
     // Unoccluded, as far as it is known; and what is left of it.
-    let largest = link.factors.iter().fold(0.0_f32, |most, &factor| most.max(factor)) * value;
     let dark = state.is(State::DARK);
-    let (open, most) = if dark { (largest, 0.0) } else { (largest / visibility.max(0.06), largest) };
+    let (open, most) = if is_cluster(link.receiver) {
+        (link.factors[1] * value, if dark { 0.0 } else { link.factors[0] * value })
+    } else {
+        let largest = link.factors.iter().fold(0.0_f32, |most, &factor| most.max(factor)) * value;
+        if dark {
+            (largest, 0.0)
+        } else if visibility < LEAST_SEEN && !is_cluster(link.source) {
+            // Too little is left to tell what there would be without what blocks.
+            let [receiver, source] = [link.receiver, link.source].map(|node| &evaluator.elements[node as usize]);
+            (evaluator.factors(receiver, source).into_iter().fold(0.0, f32::max) * value, largest)
+        } else {
+            (largest / visibility.max(1.0 / 16.0), largest)
+        }
+    };
     let step = if state.is(State::SATURATED) { STEP } else { 0.1 * STEP };
     let mut errors = Errors::default();
     let partial = (visibility * (1.0 - visibility)).sqrt();
@@ -94,9 +112,9 @@ pub(crate) fn errors(link: &Link, evaluator: &Evaluator<'_>, light: &Light) -> E
         errors.receiver = most * (1.5 * own / distance).min(1.0) + open * partial;
     } else {
         // What factors vary over the receiver is no error: leaves take them anew.
-        // Where something stands on the receiver, one side of it may see what the other does not.
-        let crossed = evaluator.elements[link.receiver as usize].crossed && !state.is(State::CLEAR);
-        errors.receiver = if crossed { STEP * open } else { step * spread * open };
+        // On either side of what stands on the receiver one may see what the other does not.
+        let divided = evaluator.elements[link.receiver as usize].divided && !state.is(State::CLEAR);
+        errors.receiver = if divided { STEP * open } else { step * spread * open };
     }
     if is_cluster(link.source) {
         errors.source =
@@ -117,10 +135,11 @@ pub(crate) fn errors(link: &Link, evaluator: &Evaluator<'_>, light: &Light) -> E
     }
     if state.is(State::BROAD) || state.is(State::GRAZING) {
         // All of it may be wrong, and always in the same direction.
+        let rough = ROUGH * open * visibility.max(UNSEEN).sqrt();
         if own >= other {
-            errors.receiver = errors.receiver.max(ROUGH * most);
+            errors.receiver = errors.receiver.max(rough);
         } else {
-            errors.source = errors.source.max(ROUGH * most);
+            errors.source = errors.source.max(rough);
         }
     }
     errors.noise = open * noise(state).sqrt();
@@ -161,7 +180,9 @@ pub(crate) fn verdict(link: &Link, evaluator: &Evaluator<'_>, light: &Light, lim
     }
     // Rays that missed what there is to see, since the plane of one cuts through the other, miss it again.
     // What covers all places that were asked may leave others free.
-    let missed = link.state.rays() >= 5 || link.state.is(State::DARK);
+    // Where few rays count since much of the receiver is covered, more of them tell.
+    let partly = evaluator.elements[link.receiver as usize].open != u16::MAX;
+    let missed = link.state.rays() >= 5 && !partly || link.state.is(State::DARK);
     if missed && errors.noise >= errors.receiver.max(errors.source) {
         let (own, other) = (evaluator.ball(link.receiver).1, evaluator.ball(link.source).1);
         return match (own >= other, receiver, source) {

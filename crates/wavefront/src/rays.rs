@@ -91,6 +91,36 @@ pub(crate) fn point_of(element: &Element, depth: usize, index: usize, jitter: [f
     }
 }
 
+/// The point of part `index` of 16 at which an element that something stands on is asked, as [`point_of`]: always the same
+/// one, so that it is known whether it is covered.
+pub(crate) fn own_point(element: &Element, index: usize) -> (Vec3, [f32; 2]) {
+    let [s, t, _, _] = Jitter::new(element.path.to_bits(), index as u64, 0).four();
+    point_of(element, 2, index, [s, t])
+}
+
+/// A point of an element, spread evenly over its area whatever its shape, for `jitter` in [0, 1)².
+pub(crate) fn even_point_of(element: &Element, jitter: [f32; 2]) -> Vec3 {
+    let [a, b, c, d] = element.corners;
+    let [mut s, mut t] = jitter;
+    let fold = |s: &mut f32, t: &mut f32| {
+        if *s + *t > 1.0 {
+            (*s, *t) = (1.0 - *s, 1.0 - *t);
+        }
+    };
+    let mut last = b;
+    if element.count == 4 {
+        let first = 0.5 * (b - a).cross(c - a).length() / element.area;
+        if s < first {
+            s /= first;
+        } else {
+            s = (s - first) / (1.0 - first);
+            last = d;
+        }
+    }
+    fold(&mut s, &mut t);
+    a + (last - a) * s + (c - a) * t
+}
+
 /// A packet of rays with what each would carry.
 pub(crate) struct Packet {
     pub(crate) rays: Rays<RAYS>,
@@ -156,7 +186,8 @@ pub(crate) fn sample(
         (element, point_of(element, 0, 0, jitter))
     } else {
         let element = &elements[node as usize];
-        (element, point_of(element, 2, index, jitter))
+        let own = element.crossed.then(|| own_point(element, index));
+        (element, own.unwrap_or_else(|| point_of(element, 2, index, jitter)))
     };
     (point, geometry.surfaces[element.polygon as usize].normal, place)
 }

@@ -43,7 +43,7 @@ pub(crate) fn within(corners: &[DVec3], normal: DVec3, point: DVec3, field: &Fie
 }
 
 /// Which quarter holds a point: [`isolux_core::tree::quadrant_of`] in single precision, since rays ask it by the million.
-fn quadrant(element: &Element, normal: Vec3, point: Vec3) -> usize {
+pub(crate) fn quadrant(element: &Element, normal: Vec3, point: Vec3) -> usize {
     let left = |from: Vec3, to: Vec3| normal.dot((to - from).cross(point - from)) > 0.0;
     let middle = |a: Vec3, b: Vec3| (a + b) * 0.5;
     let [a, b, c, d] = element.corners;

@@ -102,6 +102,9 @@ const MOST_SETTLES: u32 = 5;
 /// What links say they leave may be this much above the asked error where rays find that it is reached.
 const SLACK: f64 = 1.5;
 
+/// Share of the asked error that a claim must keep below: a claim comes from a thousand points and may be that much too low.
+const MARGIN: f64 = 0.85;
+
 /// Where links say that they leave this much less than was asked for, and rays still find more, what is missing is nothing
 /// that more links would bring.
 const FUTILE: f64 = 4.0;
@@ -198,8 +201,8 @@ impl Prepared {
                 seconds: [refined, gathered - refined, checked - gathered].map(|part| part.as_secs_f64()),
             });
             estimate = now.or(estimate);
-            let dark_left = now.is_some_and(|now| request.dark.is_some_and(|asked| now.dark > asked));
-            if bound.is_some() || now.is_some_and(|now| now.total <= request.error && !dark_left) {
+            let dark_left = now.is_some_and(|now| request.dark.is_some_and(|asked| now.dark > MARGIN * asked));
+            if bound.is_some() || now.is_some_and(|now| now.total <= MARGIN * request.error && !dark_left) {
                 break;
             }
             if now.is_some() && !dark_left && by_links <= request.error / FUTILE {
