@@ -123,6 +123,21 @@ impl Near<'_> {
     }
 }
 
+/// Share of the limit that may be lost by interpolating the factors of one link: many are.
+const SMOOTH: f32 = 0.5;
+
+/// Is it enough to interpolate a link's factors over its receiver? A factor bends by the square of what the receiver's size
+/// is to the distance, and a half is left of that between five points.
+fn is_smooth(link: &Link, element: &Element, limit: f32, light: &Light, evaluator: &Evaluator<'_>) -> bool {
+    let (to, other) = evaluator.ball(link.source);
+    let own = element.radius();
+    let clear = (element.centre().distance(to) - other).max(own);
+    let bend = 0.5 * (own / clear) * (own / clear);
+    let most = link.factors.iter().fold(0.0_f32, |most, &factor| most.max(factor));
+    let lost = most * crate::light::rms(light.value(link, evaluator)) * bend;
+    element.area * lost * lost < SMOOTH * limit
+}
+
 #[allow(clippy::too_many_arguments)]
 fn descend(
     node: u32,
@@ -138,7 +153,7 @@ fn descend(
     let before = seen.len();
     if let Ok(row) = rows.binary_search_by_key(&node, |row| row.1) {
         for link in rows[row].2 {
-            if link.source & CLUSTER != 0 {
+            if link.source & CLUSTER != 0 || is_smooth(link, element, limit, light, evaluator) {
                 let value = light.value(link, evaluator);
                 let factors = to_corners(&link.factors, element.count);
                 for k in 0..5 {

@@ -340,114 +340,164 @@ impl Light {
 
     /// Radiosity and irradiance of leaves from their fields, of all above from their parts.
     pub(crate) fn pull(&mut self, geometry: &Geometry, clusters: &Clusters, elements: &[Element]) {
-        for index in (0..elements.len()).rev() {
-            let element = &elements[index];
-            let surface = &geometry.surfaces[element.polygon as usize];
-            if element.first_child == NONE {
+        self.read_leaves(geometry, elements);
+        for index in (0..elements.len()).rev().filter(|&index| elements[index].first_child != NONE) {
+            self.pull_parent(index, elements);
+        }
+        let roots: Vec<(f32, Bands, Bands, [f32; 9])> = (0..geometry.surfaces.len())
+            .into_par_iter()
+            .with_min_len(1024)
+            .map(|polygon| {
+                let cosine = clamped_cosine(geometry.surfaces[polygon].normal.to_array());
+                (elements[polygon].area, self.radiosity[polygon], self.irradiance[polygon], cosine)
+            })
+            .collect();
+        let sums = ClusterSums {
+            intensity: &mut self.intensity,
+            radiosity: &mut self.cluster_radiosity,
+            irradiance: &mut self.cluster_irradiance,
+        };
+        sums.pull(0, clusters, &roots);
+    }
+
+    /// Radiosity, irradiance, slope and deviation of leaves from their fields.
+    fn read_leaves(&mut self, geometry: &Geometry, elements: &[Element]) {
+        let means = self.radiosity.par_iter_mut().zip(self.irradiance.par_iter_mut());
+        let shapes = self.slope.par_iter_mut().zip(self.deviation.par_iter_mut());
+        let leaves = elements.par_iter().zip(self.field.par_iter_mut()).zip(means).zip(shapes).with_min_len(1024);
+        leaves.filter(|(((element, _), _), _)| element.first_child == NONE).for_each(
+            |(((element, field), (radiosity, irradiance)), (slope, deviation))| {
+                let surface = &geometry.surfaces[element.polygon as usize];
                 if element.open == 0 {
                     // Nothing gets under what covers it.
-                    self.field[index] = DARK;
+                    *field = DARK;
                 }
-                let field = &self.field[index];
-                let middle = mean(field, element.count);
-                let middle = middle.map(|value| value.max(0.0));
-                self.irradiance[index] = middle;
-                self.radiosity[index] =
-                    std::array::from_fn(|k| surface.emission[k] + surface.reflectance[k] * middle[k]);
+                *irradiance = mean(field, element.count).map(|value| value.max(0.0));
+                *radiosity = std::array::from_fn(|k| surface.emission[k] + surface.reflectance[k] * irradiance[k]);
                 let count = element.count as usize;
-                let (mut square, mut slope) = (0.0, [[0.0; 3]; 2]);
+                let (mut square, mut change) = (0.0, [[0.0; 3]; 2]);
                 for band in 0..3 {
                     let at = |k: usize| surface.reflectance[band] * field[k][band];
                     for k in 0..count {
-                        let apart = at(k) - surface.reflectance[band] * middle[band];
+                        let apart = at(k) - surface.reflectance[band] * irradiance[band];
                         // Of a linear function corners deviate by three times the mean square.
                         square += apart * apart / (9 * count) as f32;
                     }
-                    (slope[0][band], slope[1][band]) = if count == 4 {
+                    (change[0][band], change[1][band]) = if count == 4 {
                         (0.5 * (at(1) + at(2) - at(0) - at(3)), 0.5 * (at(2) + at(3) - at(0) - at(1)))
                     } else {
                         (at(1) - at(0), at(2) - at(0))
                     };
                 }
-                self.slope[index] = limited(slope, self.radiosity[index], element.count);
-                self.deviation[index] = parted(square, &slope, element.count);
-            } else {
-                let first = element.first_child as usize;
-                // Means over what is open. Of what is covered all of it, so that there is something to divide by.
-                let whole: f32 = (first..first + 4).map(|child| elements[child].area).sum();
-                let open: f32 = (first..first + 4).map(|child| elements[child].area * self.open[child]).sum();
-                self.open[index] = open / whole;
-                let share = |light: &Light, child: usize| {
-                    if open > 0.0 {
-                        elements[child].area * light.open[child] / open
-                    } else {
-                        elements[child].area / whole
-                    }
-                };
-                let (mut radiosity, mut irradiance) = ([0.0; 3], [0.0; 3]);
-                for child in first..first + 4 {
-                    let share = share(self, child);
+                *slope = limited(change, *radiosity, element.count);
+                *deviation = parted(square, &change, element.count);
+            },
+        );
+    }
+
+    /// The same of an element with parts, from these.
+    fn pull_parent(&mut self, index: usize, elements: &[Element]) {
+        let element = &elements[index];
+        let first = element.first_child as usize;
+        // Means over what is open. Of what is covered all of it, so that there is something to divide by.
+        let whole: f32 = (first..first + 4).map(|child| elements[child].area).sum();
+        let open: f32 = (first..first + 4).map(|child| elements[child].area * self.open[child]).sum();
+        self.open[index] = open / whole;
+        let shares: [f32; 4] = std::array::from_fn(|k| {
+            let area = elements[first + k].area;
+            if open > 0.0 { area * self.open[first + k] / open } else { area / whole }
+        });
+        let (mut radiosity, mut irradiance) = ([0.0; 3], [0.0; 3]);
+        for (child, share) in (first..).zip(shares) {
+            for band in 0..3 {
+                radiosity[band] += share * self.radiosity[child][band];
+                irradiance[band] += share * self.irradiance[child][band];
+            }
+        }
+        let mut square = 0.0;
+        for (child, share) in (first..).zip(shares) {
+            let [linear, rest] = self.deviation[child];
+            let apart = rms(std::array::from_fn(|k| self.radiosity[child][k] - radiosity[k]));
+            square += share * (linear * linear + rest * rest + apart * apart);
+        }
+        let at = |k: usize, band: usize| self.radiosity[first + k][band];
+        let slope = if element.count == 4 {
+            [
+                std::array::from_fn(|k| at(1, k) + at(2, k) - at(0, k) - at(3, k)),
+                std::array::from_fn(|k| at(2, k) + at(3, k) - at(0, k) - at(1, k)),
+            ]
+        } else {
+            [std::array::from_fn(|k| 2.0 * (at(1, k) - at(0, k))), std::array::from_fn(|k| 2.0 * (at(2, k) - at(0, k)))]
+        };
+        self.slope[index] = limited(slope, radiosity, element.count);
+        self.deviation[index] = parted(square, &slope, element.count);
+        self.radiosity[index] = radiosity;
+        self.irradiance[index] = irradiance;
+    }
+}
+
+/// Clusters' sums over the part of the hierarchy below one of them, which comes first.
+struct ClusterSums<'a> {
+    intensity: &'a mut [Directional],
+    radiosity: &'a mut [f32],
+    irradiance: &'a mut [f32],
+}
+
+/// Clusters from which both halves are summed side by side.
+const PARALLEL: usize = 4096;
+
+impl ClusterSums<'_> {
+    /// Sums up the cluster numbered `first` and all below it. `roots`: area, radiosity, irradiance and clamped cosine of
+    /// the polygons.
+    fn pull(self, first: usize, clusters: &Clusters, roots: &[(f32, Bands, Bands, [f32; 9])]) {
+        let ClusterSums { intensity, radiosity, irradiance } = self;
+        let node = &clusters.nodes[first];
+        let (mut sum, mut out, mut arriving) = ([[0.0; 3]; 9], 0.0, 0.0);
+        if node.second == 0 {
+            for &polygon in clusters.members(first as u32) {
+                let (area, value, received, cosine) = &roots[polygon as usize];
+                for k in 0..9 {
                     for band in 0..3 {
-                        radiosity[band] += share * self.radiosity[child][band];
-                        irradiance[band] += share * self.irradiance[child][band];
+                        sum[k][band] += cosine[k] * area * value[band] * FRAC_1_PI;
                     }
                 }
-                let mut square = 0.0;
-                for child in first..first + 4 {
-                    let [linear, rest] = self.deviation[child];
-                    let apart = rms(std::array::from_fn(|k| self.radiosity[child][k] - radiosity[k]));
-                    square += share(self, child) * (linear * linear + rest * rest + apart * apart);
-                }
-                let at = |k: usize, band: usize| self.radiosity[first + k][band];
-                let slope = if element.count == 4 {
-                    [
-                        std::array::from_fn(|k| at(1, k) + at(2, k) - at(0, k) - at(3, k)),
-                        std::array::from_fn(|k| at(2, k) + at(3, k) - at(0, k) - at(1, k)),
-                    ]
-                } else {
-                    [
-                        std::array::from_fn(|k| 2.0 * (at(1, k) - at(0, k))),
-                        std::array::from_fn(|k| 2.0 * (at(2, k) - at(0, k))),
-                    ]
+                out += area * rms(*value);
+                arriving += area * rms(*received);
+            }
+        } else {
+            let middle = node.second as usize - first;
+            {
+                let (intensity, other_intensity) = intensity[1..].split_at_mut(middle - 1);
+                let (radiosity, other_radiosity) = radiosity[1..].split_at_mut(middle - 1);
+                let (irradiance, other_irradiance) = irradiance[1..].split_at_mut(middle - 1);
+                let one = ClusterSums { intensity, radiosity, irradiance };
+                let other = ClusterSums {
+                    intensity: other_intensity,
+                    radiosity: other_radiosity,
+                    irradiance: other_irradiance,
                 };
-                self.slope[index] = limited(slope, radiosity, element.count);
-                self.deviation[index] = parted(square, &slope, element.count);
-                self.radiosity[index] = radiosity;
-                self.irradiance[index] = irradiance;
-            }
-        }
-        for index in (0..clusters.nodes.len()).rev() {
-            let node = &clusters.nodes[index];
-            let (mut sum, mut radiosity, mut irradiance) = ([[0.0; 3]; 9], 0.0, 0.0);
-            if node.second == 0 {
-                for &polygon in clusters.members(index as u32) {
-                    let polygon = polygon as usize;
-                    let (area, value) = (elements[polygon].area, self.radiosity[polygon]);
-                    let cosine = clamped_cosine(geometry.surfaces[polygon].normal.to_array());
-                    for k in 0..9 {
-                        for band in 0..3 {
-                            sum[k][band] += cosine[k] * area * value[band] * FRAC_1_PI;
-                        }
-                    }
-                    radiosity += area * rms(value);
-                    irradiance += area * rms(self.irradiance[polygon]);
-                }
-            } else {
-                for child in [index + 1, node.second as usize] {
-                    for k in 0..9 {
-                        for band in 0..3 {
-                            sum[k][band] += self.intensity[child][k][band];
-                        }
-                    }
-                    let area = clusters.nodes[child].area;
-                    radiosity += area * self.cluster_radiosity[child];
-                    irradiance += area * self.cluster_irradiance[child];
+                let second = node.second as usize;
+                if one.radiosity.len() + other.radiosity.len() >= PARALLEL {
+                    rayon::join(|| one.pull(first + 1, clusters, roots), || other.pull(second, clusters, roots));
+                } else {
+                    one.pull(first + 1, clusters, roots);
+                    other.pull(second, clusters, roots);
                 }
             }
-            self.intensity[index] = sum;
-            self.cluster_radiosity[index] = radiosity / node.area;
-            self.cluster_irradiance[index] = irradiance / node.area;
+            for child in [1, middle] {
+                for k in 0..9 {
+                    for band in 0..3 {
+                        sum[k][band] += intensity[child][k][band];
+                    }
+                }
+                let area = clusters.nodes[first + child].area;
+                out += area * radiosity[child];
+                arriving += area * irradiance[child];
+            }
         }
+        intensity[0] = sum;
+        radiosity[0] = out / node.area;
+        irradiance[0] = arriving / node.area;
     }
 }
 

@@ -103,7 +103,7 @@ const MOST_SETTLES: u32 = 5;
 const SLACK: f64 = 1.5;
 
 /// Share of the asked error that a claim must keep below: a claim comes from a thousand points and may be that much too low.
-const MARGIN: f64 = 0.85;
+const MARGIN: f64 = 0.9;
 
 /// Where links say that they leave this much less than was asked for, and rays still find more, what is missing is nothing
 /// that more links would bring.
