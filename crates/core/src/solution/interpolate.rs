@@ -55,6 +55,12 @@ impl SmoothSurfaces {
         &self.mesh
     }
 
+    /// The mesh alone.
+    #[must_use]
+    pub fn into_mesh(self) -> SurfaceMesh {
+        self.mesh
+    }
+
     /// Irradiance at a point of a polygon, W/m² or lm/m²: bilinear in the leaf that holds the point (linear in the
     /// triangle, where the leaf is one or neighbours' vertices hang on it).
     #[must_use]
@@ -128,9 +134,23 @@ pub fn bilinear_coordinates([a, b, c, d]: [DVec3; 4], normal: DVec3, point: DVec
     (s, t)
 }
 
+/// Tells whether surfaces stand in a short way: all that a mesh asks of whatever finds what rays meet.
+pub trait Obstacles {
+    /// Does a surface cross the segment of so many metres from `start` along a unit direction? Transparent texels of masks
+    /// are passed; a polygon of opacity below 1 is a surface.
+    fn is_blocked(&self, start: DVec3, direction: DVec3, length: f64) -> bool;
+}
+
+impl Obstacles for (&Scene, &Bsp) {
+    fn is_blocked(&self, start: DVec3, direction: DVec3, length: f64) -> bool {
+        let (scene, bsp) = *self;
+        bsp.closest_hit(scene, start, direction, length, &mut NoProbe).is_some()
+    }
+}
+
 /// Coplanar neighbours with a common edge, and nothing standing on it, have one irradiance along it. Returns a group
 /// number per polygon.
-fn smoothing_groups(scene: &Scene, bsp: &Bsp, watch: &mut Watch<'_>) -> Option<Vec<u32>> {
+fn smoothing_groups(scene: &Scene, obstacles: &impl Obstacles, watch: &mut Watch<'_>) -> Option<Vec<u32>> {
     let mut group: Vec<u32> = (0..scene.polygons.len() as u32).collect();
     fn find(group: &mut [u32], mut at: u32) -> u32 {
         while group[at as usize] != at {
@@ -149,7 +169,7 @@ fn smoothing_groups(scene: &Scene, bsp: &Bsp, watch: &mut Watch<'_>) -> Option<V
             let (from, to) = (corners[k], corners[(k + 1) % corners.len()]);
             // The neighbour runs along the edge the other way.
             for &other in edges.get(&[key(to), key(from)]).map_or(&[][..], Vec::as_slice) {
-                if is_smooth_across(scene, bsp, index as u32, other, from, to) {
+                if is_smooth_across(scene, obstacles, index as u32, other, from, to) {
                     let (one, two) = (find(&mut group, index as u32), find(&mut group, other));
                     group[one.max(two) as usize] = one.min(two);
                 }
@@ -161,7 +181,7 @@ fn smoothing_groups(scene: &Scene, bsp: &Bsp, watch: &mut Watch<'_>) -> Option<V
 }
 
 /// Same plane, and a short ray just above the edge passes.
-fn is_smooth_across(scene: &Scene, bsp: &Bsp, one: u32, two: u32, from: DVec3, to: DVec3) -> bool {
+fn is_smooth_across(scene: &Scene, obstacles: &impl Obstacles, one: u32, two: u32, from: DVec3, to: DVec3) -> bool {
     let (p, q) = (&scene.polygons[one as usize], &scene.polygons[two as usize]);
     let tolerance = scene.tolerance();
     let coplanar = q.corners.iter().all(|&corner| p.plane.distance(corner).abs() <= tolerance)
@@ -174,7 +194,7 @@ fn is_smooth_across(scene: &Scene, bsp: &Bsp, one: u32, two: u32, from: DVec3, t
     // Far enough from edge and plane that the ray's ends are not taken for touching.
     let reach = 8.0 * tolerance;
     let start = middle + (inward + p.plane.normal) * reach;
-    bsp.closest_hit(scene, start, -inward, 2.0 * reach, &mut NoProbe).is_none()
+    !obstacles.is_blocked(start, -inward, 2.0 * reach)
 }
 
 /// A position as a hash key; both zeros are one.
@@ -233,10 +253,15 @@ pub struct SmoothPlan<'a> {
 
 impl<'a> SmoothPlan<'a> {
     /// Lays out the restricted mesh of the elements' leaves and finds its sites. `None` when the watch says stop.
-    pub fn new(scene: &'a Scene, bsp: &Bsp, elements: &'a Elements, watch: &mut Watch<'_>) -> Option<SmoothPlan<'a>> {
+    pub fn new(
+        scene: &'a Scene,
+        obstacles: &impl Obstacles,
+        elements: &'a Elements,
+        watch: &mut Watch<'_>,
+    ) -> Option<SmoothPlan<'a>> {
         let mut builder = Builder::new(scene, elements, watch)?;
         builder.restrict(watch)?;
-        let groups = smoothing_groups(scene, bsp, watch)?;
+        let groups = smoothing_groups(scene, obstacles, watch)?;
         let mut index: FxHashMap<(u32, u32), u32> = FxHashMap::default();
         let mut corners: Vec<Vertex> = Vec::new();
         let mut leaves = Vec::new();
@@ -284,6 +309,14 @@ impl<'a> SmoothPlan<'a> {
     #[must_use]
     pub fn vertices(&self) -> usize {
         self.centres
+    }
+
+    /// Where the vertices are, by site, without an inset.
+    #[must_use]
+    pub fn positions(&self) -> Vec<DVec3> {
+        let mut positions = vec![DVec3::ZERO; self.centres];
+        self.around().for_each(|(site, _, position)| positions[site] = position);
+        positions
     }
 
     /// Each leaf with each vertex on its outline: the vertex as a site, the leaf, and where the vertex is (no inset).
@@ -359,7 +392,7 @@ impl<'a> SmoothPlan<'a> {
     /// Covered vertices are dark, but what is seen is the part of their leaves that is not covered: they take the mean
     /// of the open vertices around. Beside those found [by rays](SmoothPlan::covered), vertices count that see nothing
     /// (`openness` below 2 %) and have a surface close above them, a rug with a lit back for one.
-    pub fn uncover(&self, bsp: &Bsp, covered: &[bool], values: &mut [Rgb], openness: &[f64]) {
+    pub fn uncover(&self, obstacles: &impl Obstacles, covered: &[bool], values: &mut [Rgb], openness: &[f64]) {
         let scene = self.builder.scene;
         let covered: Vec<bool> = (0..self.centres)
             .map(|site| {
@@ -367,9 +400,7 @@ impl<'a> SmoothPlan<'a> {
                 let element = self.builder.elements.get(leaf);
                 let normal = scene.polygons[element.polygon as usize].plane.normal;
                 let start = position + normal * (2.0 * scene.tolerance());
-                covered[site]
-                    || openness[site] < COVERED
-                        && bsp.closest_hit(scene, start, normal, element.area.sqrt(), &mut NoProbe).is_some()
+                covered[site] || openness[site] < COVERED && obstacles.is_blocked(start, normal, element.area.sqrt())
             })
             .collect();
         let mut around = vec![(Rgb::ZERO, 0.0); self.centres];
