@@ -194,7 +194,7 @@ class Solution:
         gather
             Rays of a final gather around each vertex, 1 to 65,536, and half as many to lights: what they
             find takes the place of what was solved there. None: no gather. What is reflected is then noisy
-            by some 1 % at 256 rays, and half of that at four times as many.
+            by some 1 % at 256 rays, and by half of that or less at four times as many.
         threads
             Threads of the gather; 0 stands for all cores. Never changes a value.
         progress

@@ -83,7 +83,7 @@ pub fn render(
         rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(|_| RenderError::Threads { threads })?;
     let mut picture = vec![Rgb::ZERO; width as usize * height as usize];
     // Surfaces may be made when they are first asked for: not by every thread at once.
-    let prepare = || gather.map(|rays| FinalGather::new(solution.tracer(), rays.div_ceil(samples_per_side.pow(2))));
+    let prepare = || gather.map(|rays| FinalGather::new(solution.tracer(), rays, samples_per_side));
     let gather = pool.install(|| {
         solution.prepare(gather.is_some());
         prepare()
@@ -108,7 +108,7 @@ pub fn render(
                     sum += radiance(solution, origin, direction, &mut |side, position| match &gather {
                         Some(gather) => {
                             let solved = |side, place| solution.solved(side, place);
-                            gather.irradiance(position, side, &mut stream, &solved)
+                            gather.irradiance(position, side, sample, &mut stream, &solved)
                         }
                         None => solution.surfaces().irradiance(&solution.scene, side, position),
                     });

@@ -127,14 +127,14 @@ pub(crate) fn blend(
     let plan = SmoothPlan::new(scene, tracer, elements, watch)?;
     let mut around = vec![Around::default(); plan.vertices()];
     let mut sums = vec![Rgb::ZERO; plan.vertices()];
-    for (site, leaf, position) in plan.around() {
+    for (site, leaf) in plan.around() {
         // What lies under something else is not seen.
         if light.open_share(leaf) == 0.0 {
             continue;
         }
         let Element { corners, polygon, .. } = elements.get(leaf);
         let normal = scene.polygons[*polygon as usize].plane.normal;
-        sums[site] += isolux_wavefront::irradiance_in(corners, normal, position, &fields[leaf.index()]);
+        sums[site] += isolux_wavefront::irradiance_in(corners, normal, plan.positions()[site], &fields[leaf.index()]);
         around[site].add(leaf, elements, light);
     }
     let values = sums.iter().zip(&around).map(|(&sum, around)| sum / f64::max(around.count, 1.0)).collect();
@@ -213,7 +213,7 @@ impl Gathering<'_> {
         let plan = plan.ok_or(RenderError::Cancelled)?;
         let mut around = vec![Around::default(); plan.vertices()];
         let mut is_border = vec![false; plan.vertices()];
-        for (site, leaf, _) in plan.around() {
+        for (site, leaf) in plan.around() {
             if light.open_share(leaf) < 1.0 {
                 is_border[site] = true;
             }
@@ -222,7 +222,7 @@ impl Gathering<'_> {
             }
         }
         let positions = plan.positions();
-        let gather = FinalGather::new(tracer, self.rays);
+        let gather = FinalGather::new(tracer, self.rays, 1);
         let value = |site: usize| {
             let Site { position, leaf } = plan.sites()[site];
             let polygon = elements.get(leaf).polygon;
@@ -233,7 +233,7 @@ impl Gathering<'_> {
             let position =
                 if is_border[site] { positions[site] + (towards / count - positions[site]) * INSET } else { position };
             let mut stream = Stream::new(mix(self.seed ^ VERTICES) ^ site as u64);
-            gather.irradiance(position, polygon, &mut stream, solved)
+            gather.irradiance(position, polygon, 0, &mut stream, solved)
         };
         let pool = rayon::ThreadPoolBuilder::new().num_threads(self.threads).build();
         let pool = pool.map_err(|_| RenderError::Threads { threads: self.threads })?;

@@ -1,13 +1,15 @@
 //! A final gather: a point of a surface and a solved radiosity go in, the irradiance there comes out, by rays from the point
 //! itself. Shadows and contacts are then as sharp as they are, where a solve's own values end at its elements.
 
-use crate::geometry::Geometry;
+use crate::geometry::{Element, Geometry};
 use crate::rays::{Packet, RAYS, point_of};
 use crate::tracer::Tracer;
 use glam::{DVec3, Vec3};
 use isolux_core::kernels::Patch;
 use isolux_core::sampling::Stream;
+use isolux_core::scene::Corners;
 use isolux_core::solution::seen_factor;
+use isolux_core::tree::quarter;
 use isolux_core::units::Rgb;
 
 /// Emitters that each count by themselves at every point; of more, neighbours are grouped into as many groups.
@@ -25,6 +27,24 @@ const LEAST_PASSING: f64 = 1.0 / 512.0;
 /// Steps of a sequence that fills the unit square evenly: 1/g and 1/g² with g³ = g + 1 (M. Roberts 2018, "The unreasonable
 /// effectiveness of quasirandom sequences").
 const STEPS: [f64; 2] = [0.754_877_666_246_693, 0.569_840_290_998_053];
+
+/// Share of its surroundings that a point sees in one part of an emitter, at most, and in one that is larger than it is far.
+/// Places in a part are as likely as its area says, so that a part must not throw much more from one end than from the other.
+/// A sky of 1 km over streets 100 m below comes in some 40 parts.
+const MOST_SEEN: f64 = 1.0 / 16.0;
+const MOST_SEEN_NEARBY: f64 = 1.0 / 256.0;
+
+/// Most times that an emitter is quartered.
+const DEEPEST: u32 = 6;
+
+/// An emitter as a point sees it, or a part of it.
+struct Part {
+    element: Element,
+    /// What it throws on the point unoccluded, mean over the bands, by its area.
+    density: f64,
+    /// What it and all parts before it throw.
+    until: f64,
+}
 
 /// Emitters that lie together.
 struct Group {
@@ -93,33 +113,50 @@ pub struct FinalGather<'a> {
     emitters: Emitters,
     /// Strata of height and of turn.
     side: usize,
+    /// Gathers next to each other that share finer strata, along each axis.
+    shares: u32,
     to_lights: usize,
 }
 
 impl<'a> FinalGather<'a> {
-    /// Prepares gathers by at least `rays` rays around each point, rounded up to a square number, and half as many to
-    /// emitters.
+    /// Prepares gathers by at least `rays` rays, rounded up to square numbers, and half as many to emitters. The rays of
+    /// `shares` squared gathers, which are next to each other and meant to be averaged, fill finer strata together.
     #[must_use]
-    pub fn new(tracer: &'a Tracer, rays: u32) -> FinalGather<'a> {
-        let side = (f64::from(rays.max(1)).sqrt().ceil()) as usize;
+    pub fn new(tracer: &'a Tracer, rays: u32, shares: u32) -> FinalGather<'a> {
+        let shares = shares.max(1);
+        let side = ((f64::from(rays.max(1)).sqrt() / f64::from(shares)).ceil() as usize).max(1);
         let to_lights = (side * side) as f64 * TO_LIGHTS;
         let to_lights = (to_lights as usize).div_ceil(RAYS).max(1) * RAYS;
-        FinalGather { tracer, emitters: Emitters::new(&tracer.geometry), side, to_lights }
+        FinalGather { tracer, emitters: Emitters::new(&tracer.geometry), side, shares, to_lights }
     }
 
     /// Irradiance at a point on the lit side of a polygon, front or back, W/m² or lm/m². `solved`: the irradiance that was
-    /// solved, at a point of such a side.
-    pub fn irradiance(&self, point: DVec3, side: u32, stream: &mut Stream, solved: &impl Fn(u32, DVec3) -> Rgb) -> Rgb {
+    /// solved, at a point of such a side. `share`: which of the gathers that share strata this is.
+    pub fn irradiance(
+        &self,
+        point: DVec3,
+        side: u32,
+        share: u32,
+        stream: &mut Stream,
+        solved: &impl Fn(u32, DVec3) -> Rgb,
+    ) -> Rgb {
         let emitted = if self.emitters.groups.len() == self.emitters.polygons.len() {
-            self.emitted_by_each(point, side, stream)
+            self.emitted_by_each(point, side, share, stream)
         } else {
-            self.emitted_by_groups(point, side, stream)
+            self.emitted_by_groups(point, side, share, stream)
         };
-        emitted + self.reflected(point, side, stream, solved)
+        emitted + self.reflected(point, side, share, stream, solved)
     }
 
     /// What is reflected towards a point: `pi` times the mean radiance over directions by the cosine.
-    fn reflected(&self, point: DVec3, side: u32, stream: &mut Stream, solved: &impl Fn(u32, DVec3) -> Rgb) -> Rgb {
+    fn reflected(
+        &self,
+        point: DVec3,
+        side: u32,
+        share: u32,
+        stream: &mut Stream,
+        solved: &impl Fn(u32, DVec3) -> Rgb,
+    ) -> Rgb {
         let scene = &*self.tracer.geometry.scene;
         let normal = scene.polygons[side as usize].plane.normal;
         let (tangent, bitangent) = normal.any_orthonormal_pair();
@@ -127,8 +164,10 @@ impl<'a> FinalGather<'a> {
         let mut sum = Rgb::ZERO;
         let count = self.side * self.side;
         for stratum in 0..count {
-            let u = ((stratum / self.side) as f64 + stream.next_unit()) / self.side as f64;
-            let v = ((stratum % self.side) as f64 + stream.next_unit()) / self.side as f64;
+            let (row, column) = (share / self.shares, share % self.shares);
+            let mut within = |part: u32| (f64::from(part) + stream.next_unit()) / f64::from(self.shares);
+            let u = ((stratum / self.side) as f64 + within(row)) / self.side as f64;
+            let v = ((stratum % self.side) as f64 + within(column)) / self.side as f64;
             let (sine, cosine) = libm::sincos(2.0 * std::f64::consts::PI * v);
             let (run, rise) = (u.sqrt(), (1.0 - u).max(0.0).sqrt());
             let direction = (tangent * cosine + bitangent * sine) * run + normal * rise;
@@ -164,33 +203,60 @@ impl<'a> FinalGather<'a> {
         (factor, factor * polygon.emission.mean())
     }
 
-    /// Sets ray `k` of a packet to a place on an emitter.
-    fn aim(&self, packet: &mut Packet, k: usize, point: Vec3, normal: Vec3, emitter: u32, jitter: [f64; 2]) {
+    /// A number in [0, 1), one in each stratum of all rays to emitters that are averaged.
+    fn stratum(&self, ray: usize, share: u32, stream: &mut Stream) -> f64 {
+        let within = (f64::from(share) + stream.next_unit()) / f64::from(self.shares * self.shares);
+        (ray as f64 + within) / self.to_lights as f64
+    }
+
+    /// Sets ray `k` of a packet to a place on an emitter, or on a part of it.
+    fn aim(&self, packet: &mut Packet, k: usize, point: Vec3, normal: Vec3, part: &Element, jitter: [f64; 2]) {
         let geometry = &self.tracer.geometry;
-        let root = geometry.root(emitter);
-        let (place, _) = point_of(&root, 0, 0, jitter.map(|along| along as f32));
-        let other = geometry.surfaces[emitter as usize].normal;
+        let (place, _) = point_of(part, 0, 0, jitter.map(|along| along as f32));
+        let other = geometry.surfaces[part.polygon as usize].normal;
         packet.set(k, point, normal, place, other, geometry.tolerance);
+    }
+
+    /// Appends an emitter, in parts where a point sees much of it or is near. Returns its form factor.
+    fn take_apart(
+        &self,
+        view: (DVec3, DVec3),
+        emitter: u32,
+        corners: &Corners,
+        depth: u32,
+        parts: &mut Vec<Part>,
+    ) -> f64 {
+        let (point, normal) = view;
+        let polygon = &self.tracer.geometry.scene.polygons[emitter as usize];
+        let patch = Patch { corners, plane: &polygon.plane, area: corners.area() };
+        let factor = seen_factor(point, normal, &patch).max(0.0);
+        let (middle, size) = (corners.mean(), corners[0].distance_squared(corners[2]));
+        let is_near = size > middle.distance_squared(point);
+        if depth < DEEPEST && (factor > MOST_SEEN || is_near && factor > MOST_SEEN_NEARBY) {
+            let quarters = quarter(corners);
+            return quarters.iter().map(|part| self.take_apart(view, emitter, part, depth + 1, parts)).sum();
+        }
+        if factor > 0.0 {
+            let before = parts.last().map_or(0.0, |part| part.until);
+            let thrown = factor * polygon.emission.mean();
+            let element = self.tracer.geometry.part(corners, emitter);
+            parts.push(Part { element, density: thrown / patch.area, until: before + thrown });
+        }
+        factor
     }
 
     /// Few emitters: all factors are known, and rays tell the share that is seen of all that they throw together, each
     /// weighted by what its place throws.
-    fn emitted_by_each(&self, point: DVec3, side: u32, stream: &mut Stream) -> Rgb {
+    fn emitted_by_each(&self, point: DVec3, side: u32, share: u32, stream: &mut Stream) -> Rgb {
         let geometry = &self.tracer.geometry;
         let polygons = &geometry.scene.polygons;
         let normal = polygons[side as usize].plane.normal;
-        let (mut whole, mut before) = (Rgb::ZERO, Vec::with_capacity(self.emitters.polygons.len() + 1));
-        let mut sum = 0.0;
-        before.push(0.0);
+        let (mut whole, mut parts) = (Rgb::ZERO, Vec::new());
         for &emitter in &self.emitters.polygons {
-            let (factor, thrown) = self.thrown(point, normal, emitter);
-            whole += polygons[emitter as usize].emission * factor;
-            sum += thrown;
-            before.push(sum);
+            let polygon = &polygons[emitter as usize];
+            whole += polygon.emission * self.take_apart((point, normal), emitter, &polygon.corners, 0, &mut parts);
         }
-        if sum <= 0.0 {
-            return Rgb::ZERO;
-        }
+        let Some(Part { until: sum, .. }) = parts.last() else { return Rgb::ZERO };
         let (place, normal) = (self.tracer.place(point), geometry.surfaces[side as usize].normal);
         let (mut seen, mut sent) = (Rgb::ZERO, Rgb::ZERO);
         let mut square = Square::new(stream);
@@ -199,13 +265,11 @@ impl<'a> FinalGather<'a> {
             let mut packet = Packet::new();
             let mut weights = [Rgb::ZERO; RAYS];
             for k in 0..RAYS {
-                let share = ((first + k) as f64 + stream.next_unit()) / self.to_lights as f64 * sum;
-                let index = before.partition_point(|&before| before <= share).clamp(1, before.len() - 1) - 1;
-                let emitter = self.emitters.polygons[index];
-                self.aim(&mut packet, k, place, normal, emitter, square.next());
-                let polygon = &polygons[emitter as usize];
-                let density = (before[index + 1] - before[index]).max(f64::MIN_POSITIVE) / polygon.area;
-                weights[k] = polygon.emission * (f64::from(packet.weights[k]) / density);
+                let wanted = self.stratum(first + k, share, stream) * sum;
+                let part = &parts[parts.partition_point(|part| part.until <= wanted).min(parts.len() - 1)];
+                self.aim(&mut packet, k, place, normal, &part.element, square.next());
+                let emission = polygons[part.element.polygon as usize].emission;
+                weights[k] = emission * (f64::from(packet.weights[k]) / part.density);
             }
             let through = packet.through(geometry, &mut last);
             for k in 0..RAYS {
@@ -219,7 +283,7 @@ impl<'a> FinalGather<'a> {
     }
 
     /// Many emitters: a group by what it may throw at most, one of its members by what that throws.
-    fn emitted_by_groups(&self, point: DVec3, side: u32, stream: &mut Stream) -> Rgb {
+    fn emitted_by_groups(&self, point: DVec3, side: u32, share: u32, stream: &mut Stream) -> Rgb {
         let geometry = &self.tracer.geometry;
         let polygons = &geometry.scene.polygons;
         let normal = polygons[side as usize].plane.normal;
@@ -245,8 +309,8 @@ impl<'a> FinalGather<'a> {
             let mut packet = Packet::new();
             let mut weights = [Rgb::ZERO; RAYS];
             for k in 0..RAYS {
-                let share = ((first + k) as f64 + stream.next_unit()) / self.to_lights as f64 * sum;
-                let index = before.partition_point(|&before| before <= share).clamp(1, before.len() - 1) - 1;
+                let wanted = self.stratum(first + k, share, stream) * sum;
+                let index = before.partition_point(|&before| before <= wanted).clamp(1, before.len() - 1) - 1;
                 let (group, own) = (&self.emitters.groups[index], before[index + 1] - before[index]);
                 if members.0 != index {
                     let mut total = 0.0;
@@ -262,10 +326,10 @@ impl<'a> FinalGather<'a> {
                 if *total <= 0.0 || own <= 0.0 {
                     continue;
                 }
-                let wanted = (share - before[index]) / own * total;
-                let member = run.partition_point(|&(_, until)| until <= wanted).min(run.len() - 1);
+                let within = (wanted - before[index]) / own * total;
+                let member = run.partition_point(|&(_, until)| until <= within).min(run.len() - 1);
                 let emitter = self.emitters.polygons[group.from + member];
-                self.aim(&mut packet, k, place, surface, emitter, square.next());
+                self.aim(&mut packet, k, place, surface, &geometry.root(emitter), square.next());
                 let emission = polygons[emitter as usize].emission;
                 // What it throws over the chance that it was picked: its own factor falls out.
                 weights[k] = emission * (total / emission.mean() * (sum / own));

@@ -157,7 +157,11 @@ impl Geometry {
 
     /// A polygon as an element.
     pub(crate) fn root(&self, polygon: u32) -> Element {
-        let corners = &self.scene.polygons[polygon as usize].corners;
+        self.part(&self.scene.polygons[polygon as usize].corners, polygon)
+    }
+
+    /// A part of a polygon as an element. It has the polygon's name.
+    pub(crate) fn part(&self, corners: &Corners, polygon: u32) -> Element {
         Element::new(self.corners(corners), corners.len() as u8, polygon, NONE, Path::root(polygon))
     }
 

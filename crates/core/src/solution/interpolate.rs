@@ -245,8 +245,9 @@ pub struct SmoothPlan<'a> {
     sites: Vec<Site>,
     /// Sites from here on are the centres of the leaves, in order.
     centres: usize,
-    /// For each leaf: its id, and its vertices as sites, corners marked.
-    leaves: Vec<(ElementId, Vec<(u32, bool)>)>,
+    leaves: Outlines,
+    /// For each vertex: where it is, without an inset, metres.
+    positions: Vec<DVec3>,
     /// For each vertex: is it surrounded by leaves?
     inner: Vec<bool>,
 }
@@ -264,7 +265,7 @@ impl<'a> SmoothPlan<'a> {
         let groups = smoothing_groups(scene, obstacles, watch)?;
         let mut index: FxHashMap<(u32, u32), u32> = FxHashMap::default();
         let mut corners: Vec<Vertex> = Vec::new();
-        let mut leaves = Vec::new();
+        let mut leaves = Outlines::default();
         for leaf in elements.leaves() {
             if watch.step(CELL_WORK, 0.0) == Flow::Stop {
                 return None;
@@ -272,7 +273,7 @@ impl<'a> SmoothPlan<'a> {
             let element = elements.get(leaf);
             let (centre, group) = (element.corners.mean(), groups[element.polygon as usize]);
             let outline = builder.outline(&element.corners);
-            let mut own = Vec::with_capacity(outline.len());
+            leaves.begin(leaf);
             for (k, &(point, position, is_corner)) in outline.iter().enumerate() {
                 let before = outline[(k + outline.len() - 1) % outline.len()].1;
                 let after = outline[(k + 1) % outline.len()].1;
@@ -288,15 +289,15 @@ impl<'a> SmoothPlan<'a> {
                 if (element.area, element.path) < (finest.area, finest.path) {
                     vertex.leaf = leaf;
                 }
-                own.push((site, is_corner));
+                leaves.vertices.push((site, is_corner));
             }
-            leaves.push((leaf, own));
         }
         let inner: Vec<bool> = corners.iter().map(Vertex::is_inner).collect();
         let mut sites: Vec<Site> = corners.iter().map(Vertex::site).collect();
         let centres = sites.len();
-        sites.extend(leaves.iter().map(|&(leaf, _)| Site { position: elements.get(leaf).corners.mean(), leaf }));
-        Some(SmoothPlan { builder, groups, index, sites, centres, leaves, inner })
+        sites.extend(leaves.iter().map(|(leaf, _)| Site { position: elements.get(leaf).corners.mean(), leaf }));
+        let positions = corners.iter().map(|vertex| vertex.position).collect();
+        Some(SmoothPlan { builder, groups, index, sites, centres, leaves, positions, inner })
     }
 
     /// All places whose irradiance is asked for: vertices first, then the centres of the leaves.
@@ -311,20 +312,15 @@ impl<'a> SmoothPlan<'a> {
         self.centres
     }
 
-    /// Where the vertices are, by site, without an inset.
+    /// Where the vertices are, by site, without an inset, metres.
     #[must_use]
-    pub fn positions(&self) -> Vec<DVec3> {
-        let mut positions = vec![DVec3::ZERO; self.centres];
-        self.around().for_each(|(site, _, position)| positions[site] = position);
-        positions
+    pub fn positions(&self) -> &[DVec3] {
+        &self.positions
     }
 
-    /// Each leaf with each vertex on its outline: the vertex as a site, the leaf, and where the vertex is (no inset).
-    pub fn around(&self) -> impl Iterator<Item = (usize, ElementId, DVec3)> {
-        self.leaves.iter().flat_map(|(leaf, vertices)| {
-            let outline = self.builder.outline(&self.builder.elements.get(*leaf).corners);
-            vertices.iter().zip(outline).map(|(&(site, _), (_, position, _))| (site as usize, *leaf, position))
-        })
+    /// Each leaf with each vertex on its outline, as a site.
+    pub fn around(&self) -> impl Iterator<Item = (usize, ElementId)> {
+        self.leaves.iter().flat_map(|(leaf, vertices)| vertices.iter().map(move |&(site, _)| (site as usize, leaf)))
     }
 
     /// Irradiance at the vertices from that of the leaves around them: means weighted by inverse distance to the
@@ -332,23 +328,23 @@ impl<'a> SmoothPlan<'a> {
     pub fn averaged(&self, light: &Light, watch: &mut Watch<'_>) -> Option<Vec<Rgb>> {
         let elements = self.builder.elements;
         let mut around = vec![Blend::default(); self.centres];
-        for (leaf, vertices) in &self.leaves {
+        for (leaf, vertices) in self.leaves.iter() {
             if watch.step(CELL_WORK, 0.0) == Flow::Stop {
                 return None;
             }
-            let centre = elements.get(*leaf).corners.mean();
+            let centre = elements.get(leaf).corners.mean();
             for &(site, _) in vertices {
                 // The vertex itself, not its inset: distances to the leaves around are what counts.
-                around[site as usize].add(light.irradiance(*leaf), self.sites[site as usize].position.distance(centre));
+                around[site as usize].add(light.irradiance(leaf), self.sites[site as usize].position.distance(centre));
             }
         }
         let mut values: Vec<Rgb> = around.iter().map(Blend::mean).collect();
         let mut border = vec![Blend::default(); self.centres];
-        for (leaf, vertices) in &self.leaves {
+        for (leaf, vertices) in self.leaves.iter() {
             if watch.step(CELL_WORK, 0.0) == Flow::Stop {
                 return None;
             }
-            let centre = elements.get(*leaf).corners.mean();
+            let centre = elements.get(leaf).corners.mean();
             let corners: Vec<u32> =
                 vertices.iter().filter(|(_, is_corner)| *is_corner).map(|&(site, _)| site).collect();
             let count = corners.len();
@@ -359,7 +355,7 @@ impl<'a> SmoothPlan<'a> {
                     continue;
                 }
                 let known: Rgb = opposite.iter().map(|&site| around[site as usize].mean()).sum();
-                let continued = light.irradiance(*leaf) * (opposite.len() as f64 + 1.0) - known;
+                let continued = light.irradiance(leaf) * (opposite.len() as f64 + 1.0) - known;
                 border[site as usize].add(continued, self.sites[site as usize].position.distance(centre));
             }
         }
@@ -375,7 +371,7 @@ impl<'a> SmoothPlan<'a> {
     pub fn covered(&self, evaluator: &Evaluator<'_>, light: &Light) -> Vec<bool> {
         let mut doubtful = vec![false; self.sites.len()];
         for (index, (leaf, vertices)) in self.leaves.iter().enumerate() {
-            if light.open_share(*leaf) < 1.0 {
+            if light.open_share(leaf) < 1.0 {
                 doubtful[self.centres + index] = true;
                 vertices.iter().for_each(|&(site, _)| doubtful[site as usize] = true);
             }
@@ -404,7 +400,7 @@ impl<'a> SmoothPlan<'a> {
             })
             .collect();
         let mut around = vec![(Rgb::ZERO, 0.0); self.centres];
-        for (_, vertices) in &self.leaves {
+        for (_, vertices) in self.leaves.iter() {
             let open = vertices.iter().filter(|(site, _)| !covered[*site as usize]);
             let (sum, count) =
                 open.fold((Rgb::ZERO, 0.0), |(sum, count), &(site, _)| (sum + values[site as usize], count + 1.0));
@@ -437,7 +433,7 @@ impl<'a> SmoothPlan<'a> {
                     weights += weight;
                 }
             }
-            (weights > 0.0).then(|| (*leaf, sum / weights))
+            (weights > 0.0).then(|| (leaf, sum / weights))
         });
         means.collect()
     }
@@ -446,6 +442,29 @@ impl<'a> SmoothPlan<'a> {
     pub fn assemble(self, values: &[Rgb], watch: &mut Watch<'_>) -> Option<SmoothSurfaces> {
         let SmoothPlan { builder, groups, index, .. } = self;
         builder.assemble(&groups, &Values { index: &index, values }, watch)
+    }
+}
+
+/// For each leaf: its id, and the vertices on its outline as sites, corners marked.
+#[derive(Debug, Default)]
+struct Outlines {
+    ids: Vec<ElementId>,
+    /// Where the vertices of each leaf begin.
+    start: Vec<u32>,
+    vertices: Vec<(u32, bool)>,
+}
+
+impl Outlines {
+    /// Begins a leaf, whose vertices follow.
+    fn begin(&mut self, leaf: ElementId) {
+        self.ids.push(leaf);
+        self.start.push(self.vertices.len() as u32);
+    }
+
+    fn iter(&self) -> impl Iterator<Item = (ElementId, &[(u32, bool)])> {
+        let ends = self.start.iter().skip(1).copied().chain([self.vertices.len() as u32]);
+        let ranges = self.start.iter().zip(ends);
+        self.ids.iter().zip(ranges).map(|(&id, (&from, to))| (id, &self.vertices[from as usize..to as usize]))
     }
 }
 
