@@ -122,7 +122,14 @@ class Solution:
     def irradiance_at(
         self, face: NDArray[np.int64], barycentric: NDArray[np.float64]
     ) -> NDArray[np.float64]: ...
-    def bake(self, path: Path, exposure: float | None = None) -> None: ...
+    def bake(
+        self,
+        path: Path,
+        exposure: float | None = None,
+        gather: int | None = None,
+        threads: int = 0,
+        progress: Callable[[Progress], object] | None = None,
+    ) -> None: ...
     def write_image(
         self, path: Path, picture: NDArray[np.float64], exposure: float | None = None
     ) -> None: ...
@@ -134,6 +141,7 @@ class Solution:
         vertical_angle: float,
         size: tuple[int, int],
         samples_per_side: int,
+        gather: int | None,
         threads: int,
         progress: Callable[[Progress], object] | None = None,
     ) -> NDArray[np.float64]: ...

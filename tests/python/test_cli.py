@@ -96,6 +96,27 @@ def test_render_takes_views(isolux_command, solution_file, tmp_path):
     assert mean(*look, "--angle", "5") != mean(*look, "--angle", "120")
 
 
+def test_gathers_take_a_number_or_none(isolux_command, solution_file, tmp_path):
+    """Catches a gather that is not made, a bare option that swallows what follows it, and wrong numbers."""
+    pictures = []
+    for name, *options in (["plain.exr"], ["some.exr", "--gather", 64], ["default.exr", "--gather"]):
+        path = tmp_path / name
+        view = ("--size", "8x6", "--eye", "0.5,0.5,0.9", "--at", "0.5,0.2,0")
+        # A bare option stands before an argument, too.
+        drawn = isolux_command("render", *options, solution_file, "-o", path, *view)
+        assert drawn.returncode == 0, drawn.stderr
+        pictures.append(path.read_bytes())
+    assert len(set(pictures)) == 3
+    lit = [tmp_path / "plain.ply", tmp_path / "gathered.ply"]
+    for path, options in zip(lit, ((), ("--gather", "-j", 1)), strict=True):
+        baked = isolux_command("bake", solution_file, *options, "-o", path)
+        assert baked.returncode == 0, baked.stderr
+    assert lit[0].read_bytes() != lit[1].read_bytes()
+    for wrong in ("0", "-3", "65537"):
+        refused = isolux_command("bake", solution_file, "-o", tmp_path / "a.ply", "--gather", wrong)
+        assert (refused.returncode, "--gather" in refused.stderr) == (2, True), refused.stderr
+
+
 def test_inspect_tells_what_is_there(isolux_command, scene_file):
     """Catches lights without their power, and tables that cut names."""
     done = isolux_command("inspect", scene_file)

@@ -313,6 +313,30 @@ def test_views_that_make_no_sense(lit, arguments, kind, message):
         lit.render(**arguments)
 
 
+def test_gathers_find_the_light_of_a_closed_box(furnace, tmp_path):
+    """Catches gathers of another quantity, and values that depend on threads."""
+    view = {"eye": (0.5, 0.5, 0.9), "at": (0.5, 0.5, 0.0), "size": (12, 8), "gather": 64}
+    picture = furnace.render(**view, threads=1)
+    # Emission is found exactly; what was solved, another half, is off by 0.1 at most.
+    np.testing.assert_allclose(picture, 2.0 / math.pi, rtol=0.05)
+    np.testing.assert_array_equal(furnace.render(**view, threads=2), picture)
+    for threads in (1, 2):
+        furnace.bake(tmp_path / f"{threads}.ply", gather=16, threads=threads)
+    assert (tmp_path / "1.ply").read_bytes() == (tmp_path / "2.ply").read_bytes()
+    for rays in (0, -1, 65_537):
+        with pytest.raises(RenderError, match=f"gather: {rays} rays"):
+            furnace.render(gather=rays)
+        with pytest.raises(RenderError, match=f"gather: {rays} rays"):
+            furnace.bake(tmp_path / "a.ply", gather=rays)
+
+    def stop(_progress):
+        raise KeyError("enough")
+
+    with pytest.raises(KeyError, match="enough"):
+        furnace.bake(tmp_path / "a.ply", gather=16, progress=stop)
+    assert not (tmp_path / "a.ply").exists()
+
+
 def test_render_can_be_stopped(lit):
     """Catches a rendering that is deaf to its callback."""
 

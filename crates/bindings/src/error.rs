@@ -95,7 +95,10 @@ impl PythonError for FacadeRenderError {
     fn exception(self) -> PyErr {
         let message = self.to_string();
         match self {
-            FacadeRenderError::NoSuchCamera { .. } | FacadeRenderError::View { .. } => RenderError::new_err(message),
+            FacadeRenderError::NoSuchCamera { .. }
+            | FacadeRenderError::View { .. }
+            | FacadeRenderError::Gather { .. }
+            | FacadeRenderError::Threads { .. } => RenderError::new_err(message),
             // What the observer raised is what the caller sees; this is for an observer that just says stop.
             FacadeRenderError::Cancelled => pyo3::exceptions::PyKeyboardInterrupt::new_err(message),
         }
@@ -229,6 +232,8 @@ pub(crate) fn error_samples(py: Python<'_>) -> PyResult<Bound<'_, PyList>> {
             FacadeRenderError::NoSuchCamera { name: "hall".into(), available: "attic".into() }.exception(),
         ),
         ("RenderError::View", FacadeRenderError::View { what: "eye and target coincide".into() }.exception()),
+        ("RenderError::Gather", FacadeRenderError::Gather { rays: 0, most: 65_536 }.exception()),
+        ("RenderError::Threads", FacadeRenderError::Threads { threads: 1_000_000 }.exception()),
         ("RenderError::Cancelled", FacadeRenderError::Cancelled.exception()),
         ("ReadError::Io", FormatsReadError::Io { file: file(), reason: "no such file".into() }.exception()),
         (

@@ -83,7 +83,7 @@ impl Solution {
     /// The surfaces as triangles with values at their vertices, as named arrays.
     fn mesh<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let solution = self.inner.clone();
-        // A cancelled solve makes it now.
+        // Made now, unless the solve made it.
         interruptible(py, move || {
             let _ = solution.mesh();
         })?;
@@ -134,12 +134,32 @@ impl Solution {
         interruptible(py, move || write::auto_exposure(solution.mesh(), solution.scene()))
     }
 
-    /// Writes the lit surfaces; the suffix of `path` (.glb, .ply, .vtu) says how.
-    #[pyo3(signature = (path, exposure=None))]
-    fn bake(&self, py: Python<'_>, path: PathBuf, exposure: Option<f64>) -> PyResult<()> {
+    /// Writes the lit surfaces; the suffix of `path` (.glb, .ply, .vtu) says how. With `gather` so many rays find what the
+    /// vertices receive.
+    #[pyo3(signature = (path, exposure=None, gather=None, threads=0, progress=None))]
+    fn bake(
+        &self,
+        py: Python<'_>,
+        path: PathBuf,
+        exposure: Option<f64>,
+        gather: Option<u32>,
+        threads: usize,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<()> {
+        let gathered = match gather {
+            None => None,
+            Some(rays) => {
+                let mut observer = PythonObserver::new(progress);
+                let mesh = guarded(py, || self.inner.gathered_mesh(rays, threads, &mut observer))?;
+                match (observer.raised, mesh) {
+                    (Some(raised), _) => return Err(raised),
+                    (None, mesh) => Some(mesh.map_err(to_python)?),
+                }
+            }
+        };
         let (solution, provenance, suffix) = (self.inner.clone(), self.provenance(), suffix(&path));
         write_out(py, path, ".glb, .ply or .vtu", move || {
-            let (scene, mesh) = (solution.scene(), solution.mesh());
+            let (scene, mesh) = (solution.scene(), gathered.as_ref().unwrap_or_else(|| solution.mesh()));
             let factor = || exposure.unwrap_or_else(|| write::auto_exposure(mesh, scene));
             match suffix.as_str() {
                 "glb" => write::glb(scene, mesh, &GlbOptions { exposure, provenance }).map(Some),
@@ -182,7 +202,7 @@ impl Solution {
     }
 
     /// Draws linear radiance: (height, width, 3).
-    #[pyo3(signature = (camera, eye, at, vertical_angle, size, samples_per_side, threads, progress=None))]
+    #[pyo3(signature = (camera, eye, at, vertical_angle, size, samples_per_side, gather, threads, progress=None))]
     #[expect(clippy::too_many_arguments, reason = "one argument per choice; Python passes them by name")]
     fn render<'py>(
         &self,
@@ -193,6 +213,7 @@ impl Solution {
         vertical_angle: f64,
         size: (u32, u32),
         samples_per_side: u32,
+        gather: Option<u32>,
         threads: usize,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
@@ -205,7 +226,7 @@ impl Solution {
             _ => return Err(PyValueError::new_err("give a camera, or both eye and at, or neither")),
         };
         let (width, height) = size;
-        let settings = RenderSettings { width, height, samples_per_side, threads };
+        let settings = RenderSettings { width, height, samples_per_side, gather, threads };
         let mut observer = PythonObserver::new(progress);
         let picture = guarded(py, || isolux::render(&self.inner, &view, &settings, &mut observer))?;
         match (observer.raised, picture) {

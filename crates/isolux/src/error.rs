@@ -112,6 +112,20 @@ pub enum RenderError {
         /// What is wrong.
         what: String,
     },
+    /// A final gather by no rays, or by more than make sense.
+    #[error("gather: {rays} rays (1 to {most})")]
+    Gather {
+        /// Rays asked for.
+        rays: u32,
+        /// Most that there may be.
+        most: u32,
+    },
+    /// So many threads could not be had.
+    #[error("threads: {threads}, but the system grants fewer")]
+    Threads {
+        /// Threads asked for.
+        threads: usize,
+    },
     /// The observer stopped it.
     #[error("cancelled")]
     Cancelled,

@@ -25,7 +25,7 @@ pub use report::{
 pub use settings::{Quality, Schedule, Settings};
 
 pub use isolux_core::solution::{Interpolation, Roots, Update};
-pub use isolux_wavefront::{ClusterColumns, LinkColumns};
+pub use isolux_wavefront::{ClusterColumns, LinkColumns, Meeting, Tracer};
 pub use solution::Solution;
 pub use solve::solve;
 pub use wavefront::Transported;

@@ -426,7 +426,7 @@ fn read_linked(part: Part, shelf: &mut Shelf) -> Result<Solution, RecordError> {
     let bsp = Bsp::build(&scene, report.settings.order);
     let unasked = &mut Unobserved;
     let watch = &mut Watch::new(unasked, Progress::of(Phase::Interpolation));
-    let plan = SmoothPlan::new(&scene, &bsp, &hierarchy.elements, watch);
+    let plan = SmoothPlan::new(&scene, &(&scene, &bsp), &hierarchy.elements, watch);
     let Array { shape, .. } = shelf.arrays.get("mesh/irradiance").ok_or_else(|| missing("mesh/irradiance"))?;
     let is_left_out = report.status == Status::Cancelled && shape.first() == Some(&0);
     let vertices = if is_left_out { Some(0) } else { plan.as_ref().map(SmoothPlan::vertices) };
@@ -438,6 +438,7 @@ fn read_linked(part: Part, shelf: &mut Shelf) -> Result<Solution, RecordError> {
     Ok(Solution {
         scene: Arc::new(scene),
         bsp: bsp.into(),
+        tracer: OnceLock::new(),
         hierarchy,
         active,
         surfaces: surfaces.map_or_else(OnceLock::new, OnceLock::from),

@@ -1,12 +1,13 @@
-//! Pictures of a solution by ray casting through the BSP tree, on all cores.
+//! Pictures of a solution by ray casting, on all cores.
 
 use crate::pace::Pace;
 use crate::{RenderError, Solution};
 use isolux_core::DVec3;
-use isolux_core::kernels::NoProbe;
+use isolux_core::sampling::{Stream, mix};
 use isolux_core::scene::{Camera, Projection};
 use isolux_core::solution::{Flow, Observer, Phase, Progress};
 use isolux_core::units::Rgb;
+use isolux_wavefront::FinalGather;
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
@@ -37,6 +38,9 @@ pub struct RenderSettings {
     pub height: u32,
     /// Samples per pixel are the square of this.
     pub samples_per_side: u32,
+    /// Rays of a final gather per pixel, spread over its samples, and half as many to lights: the irradiance that rays find
+    /// stands for what lies between the values at vertices. None: no gather.
+    pub gather: Option<u32>,
     /// Threads; 0: all cores. Never changes a result.
     pub threads: usize,
 }
@@ -64,7 +68,7 @@ pub fn render(
     settings: &RenderSettings,
     observer: &mut dyn Observer,
 ) -> Result<Vec<Rgb>, RenderError> {
-    let RenderSettings { width, height, samples_per_side, threads } = *settings;
+    let RenderSettings { width, height, samples_per_side, gather, threads } = *settings;
     let nonsense = |what: String| RenderError::View { what };
     if width == 0 || height == 0 || u64::from(width) * u64::from(height) > MAX_PIXELS {
         return Err(nonsense(format!("a picture of {width} x {height} pixels (1 to {MAX_PIXELS} in all)")));
@@ -72,15 +76,19 @@ pub fn render(
     if samples_per_side == 0 || samples_per_side > 64 {
         return Err(nonsense(format!("{samples_per_side} samples per side of a pixel (1 to 64)")));
     }
+    check_rays(gather)?;
     let camera = resolve(solution, view)?;
     let aspect = f64::from(width) / f64::from(height);
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(threads)
-        .build()
-        .map_err(|error| nonsense(format!("threads: {error}")))?;
+    let pool =
+        rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(|_| RenderError::Threads { threads })?;
     let mut picture = vec![Rgb::ZERO; width as usize * height as usize];
-    // The surfaces of a cancelled solve are made when they are first asked for: not by every thread at once.
-    let _ = (solution.bsp(), solution.surfaces());
+    // Surfaces may be made when they are first asked for: not by every thread at once.
+    let prepare = || gather.map(|rays| FinalGather::new(solution.tracer(), rays, samples_per_side));
+    let gather = pool.install(|| {
+        solution.prepare(gather.is_some());
+        prepare()
+    });
+    let seed = mix(solution.report.settings.seed ^ PIXELS);
     let mut pace = Pace::starting(pool.current_num_threads());
     let mut done = 0;
     while done < picture.len() {
@@ -91,12 +99,19 @@ pub fn render(
             pixels.par_iter_mut().enumerate().for_each(|(index, pixel)| {
                 let (column, row) = ((done + index) % width as usize, (done + index) / width as usize);
                 let mut sum = Rgb::ZERO;
+                let mut stream = Stream::new(seed ^ (done + index) as u64);
                 for sample in 0..samples_per_side * samples_per_side {
                     let offset = |k: u32| (f64::from(k) + 0.5) / f64::from(samples_per_side);
                     let x = (column as f64 + offset(sample % samples_per_side)) / f64::from(width);
                     let y = (row as f64 + offset(sample / samples_per_side)) / f64::from(height);
                     let (origin, direction) = camera_ray(&camera, aspect, 2.0 * x - 1.0, 1.0 - 2.0 * y);
-                    sum += radiance(solution, origin, direction);
+                    sum += radiance(solution, origin, direction, &mut |side, position| match &gather {
+                        Some(gather) => {
+                            let solved = |side, place| solution.solved(side, place);
+                            gather.irradiance(position, side, sample, &mut stream, &solved)
+                        }
+                        None => solution.surfaces().irradiance(&solution.scene, side, position),
+                    });
                 }
                 *pixel = sum / f64::from(samples_per_side * samples_per_side);
             });
@@ -110,6 +125,20 @@ pub fn render(
         }
     }
     Ok(picture)
+}
+
+/// Most rays of a final gather at one place: noise is a 256th of what it is by one.
+pub(crate) const MOST_RAYS: u32 = 65_536;
+
+/// Sets the streams of pixels apart from others of the same seed.
+const PIXELS: u64 = 0x7069_7865_6c73;
+
+/// Refuses gathers by no rays, and by more than make sense.
+pub(crate) fn check_rays(gather: Option<u32>) -> Result<(), RenderError> {
+    match gather {
+        Some(rays) if rays == 0 || rays > MOST_RAYS => Err(RenderError::Gather { rays, most: MOST_RAYS }),
+        _ => Ok(()),
+    }
 }
 
 fn resolve(solution: &Solution, view: &View) -> Result<Camera, RenderError> {
@@ -162,7 +191,7 @@ fn best_view(solution: &Solution) -> Camera {
         let grid = (0..24).flat_map(|row| (0..32).map(move |column| (at(column, 32), at(row, 24))));
         let lit = grid.filter(|&(x, y)| {
             let (origin, direction) = camera_ray(camera, 4.0 / 3.0, x, y);
-            radiance(solution, origin, direction) != Rgb::ZERO
+            radiance(solution, origin, direction, &mut |side, position| solution.solved(side, position)) != Rgb::ZERO
         });
         lit.count()
     };
@@ -186,19 +215,25 @@ fn camera_ray(camera: &Camera, aspect: f64, x: f64, y: f64) -> (DVec3, DVec3) {
     }
 }
 
-/// Radiance that arrives along a ray.
-fn radiance(solution: &Solution, origin: DVec3, direction: DVec3) -> Rgb {
-    let scene = &*solution.scene;
+/// Radiance that arrives along a ray. `irradiance`: at a point of a lit side.
+fn radiance(
+    solution: &Solution,
+    origin: DVec3,
+    direction: DVec3,
+    irradiance: &mut impl FnMut(u32, DVec3) -> Rgb,
+) -> Rgb {
+    let (scene, tracer) = (&*solution.scene, solution.tracer());
     let step = scene.tolerance();
     let (mut start, mut passing, mut sum) = (origin, 1.0, Rgb::ZERO);
     for _ in 0..MAX_LAYERS {
-        let Some(hit) = solution.bsp().closest_hit(scene, start, direction, f64::INFINITY, &mut NoProbe) else { break };
+        let Some(hit) = tracer.closest(start, direction, f64::INFINITY) else { break };
         let position = start + direction * hit.distance;
         let surface = &scene.polygons[hit.polygon as usize];
         let side = if hit.front_facing { Some(hit.polygon) } else { surface.twin };
         if let Some(side) = side {
             let polygon = &scene.polygons[side as usize];
-            let irradiance = solution.surfaces().irradiance(scene, side, position);
+            let reflects = polygon.reflectance != Rgb::ZERO;
+            let irradiance = if reflects { irradiance(side, position) } else { Rgb::ZERO };
             // Emission and reflectance of a cut-out are means over its holes; the texel that was hit is solid.
             let share = if surface.mask.is_some() { 1.0 / polygon.opacity } else { 1.0 };
             sum += (polygon.emission + polygon.reflectance * irradiance) * (share * passing / PI);

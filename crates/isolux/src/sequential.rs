@@ -194,6 +194,7 @@ pub(crate) fn solve(
     report.phases = watch.phases;
     Ok(Solution {
         bsp: made(tree),
+        tracer: OnceLock::new(),
         scene,
         hierarchy,
         active,

@@ -1,15 +1,20 @@
-//! Smooth surfaces from a solve's elements: gathered anew on all cores (D19), averaged, or blended from fields.
+//! Smooth surfaces from a solve's elements: gathered anew on all cores, over links (D19) or by rays; averaged; or blended
+//! from fields.
 
+use crate::RenderError;
 use crate::pace::Pace;
+use isolux_core::DVec3;
 use isolux_core::kernels::Counts;
 use isolux_core::links::{Evaluator, Hierarchy};
+use isolux_core::sampling::{Stream, mix};
 use isolux_core::scene::Scene;
 use isolux_core::solution::{
     Flow, Gathered, Light, Observer, Phase, Progress, Shadows, Site, SmoothPlan, SmoothSurfaces, Unobserved, Watch,
     irradiance_at_site,
 };
-use isolux_core::tree::{Bsp, ElementId, Elements};
+use isolux_core::tree::{Bsp, Element, ElementId, Elements};
 use isolux_core::units::Rgb;
+use isolux_wavefront::{FinalGather, Tracer};
 use rayon::prelude::*;
 
 /// Rounds end when leaves change by this share of the asked error (RMS, of the mean).
@@ -37,7 +42,7 @@ pub(crate) fn gather(
     let elements = hierarchy.elements.clone();
     let links = hierarchy.links.len();
     let stage = |done| Progress { done, elements: elements.len(), links, ..Progress::of(Phase::Interpolation) };
-    let plan = SmoothPlan::new(scene, evaluator.bsp, &elements, &mut Watch::new(observer, stage(0.0)))?;
+    let plan = SmoothPlan::new(scene, &(scene, evaluator.bsp), &elements, &mut Watch::new(observer, stage(0.0)))?;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().ok()?;
     let mut pace = Pace::starting(8 * pool.current_num_threads());
     let mut pass = |sites: &[Site], shadows, hierarchy: &Hierarchy, from: f64, to: f64| {
@@ -85,7 +90,7 @@ pub(crate) fn gather(
     let last = pass(&plan.sites()[..plan.vertices()], Shadows::OfSites(shadows_above), hierarchy, from, 1.0)?;
     let mut values: Vec<Rgb> = last.iter().map(|gathered| gathered.irradiance).collect();
     let openness: Vec<f64> = last.iter().map(|gathered| gathered.openness).collect();
-    plan.uncover(evaluator.bsp, &covered, &mut values, &openness);
+    plan.uncover(&(scene, evaluator.bsp), &covered, &mut values, &openness);
     let surfaces = plan.assemble(&values, &mut Watch::new(observer, stage(1.0)))?;
     Some((values, surfaces))
 }
@@ -99,7 +104,7 @@ pub(crate) fn average(
 ) -> Option<(Vec<Rgb>, SmoothSurfaces)> {
     let Hierarchy { elements, light, .. } = hierarchy;
     let mut watch = Watch::new(observer, Progress { elements: elements.len(), ..Progress::of(Phase::Interpolation) });
-    let plan = SmoothPlan::new(scene, bsp, elements, &mut watch)?;
+    let plan = SmoothPlan::new(scene, &(scene, bsp), elements, &mut watch)?;
     let values = plan.averaged(light, &mut watch)?;
     let surfaces = plan.assemble(&values, &mut watch)?;
     Some((values, surfaces))
@@ -109,44 +114,147 @@ pub(crate) fn average(
 /// something stands close above it. Beside a thing that stands on a floor its corner's shadow goes down to a tenth.
 const DARK: f64 = 0.02;
 
-/// How far from a vertex towards the middle of a leaf that leaf's field is read, in lengths of that way: far enough to be
-/// found in it, and a change of 1e-6 of what the field changes over the leaf.
-const NUDGE: f64 = 1e-6;
-
 /// Surfaces from fields of leaves: a vertex has the mean of what the fields around have there.
 pub(crate) fn blend(
     scene: &Scene,
-    bsp: &Bsp,
+    tracer: &Tracer,
     elements: &Elements,
     light: &Light,
     fields: &[[[f32; 3]; 5]],
 ) -> Option<SmoothSurfaces> {
     let unasked = &mut Unobserved;
     let watch = &mut Watch::new(unasked, Progress::of(Phase::Interpolation));
-    let plan = SmoothPlan::new(scene, bsp, elements, watch)?;
-    let mut sums = vec![(Rgb::ZERO, 0.0); plan.vertices()];
-    let mut means = vec![0.0; plan.vertices()];
-    for (site, leaf, position) in plan.around() {
+    let plan = SmoothPlan::new(scene, tracer, elements, watch)?;
+    let mut around = vec![Around::default(); plan.vertices()];
+    let mut sums = vec![Rgb::ZERO; plan.vertices()];
+    for (site, leaf) in plan.around() {
         // What lies under something else is not seen.
         if light.open_share(leaf) == 0.0 {
             continue;
         }
-        let element = elements.get(leaf);
-        let normal = scene.polygons[element.polygon as usize].plane.normal;
-        let centre = element.corners.mean();
-        let inside = position + (centre - position) * NUDGE;
-        let at = |point| isolux_wavefront::irradiance_at(elements, fields, element.polygon, normal, point);
-        sums[site].0 += at(inside);
-        sums[site].1 += 1.0;
-        means[site] += at(centre).mean();
+        let Element { corners, polygon, .. } = elements.get(leaf);
+        let normal = scene.polygons[*polygon as usize].plane.normal;
+        sums[site] += isolux_wavefront::irradiance_in(corners, normal, plan.positions()[site], &fields[leaf.index()]);
+        around[site].add(leaf, elements, light);
     }
-    let mut values: Vec<Rgb> = sums.iter().map(|&(sum, count)| sum / f64::max(count, 1.0)).collect();
+    let values = sums.iter().zip(&around).map(|(&sum, around)| sum / f64::max(around.count, 1.0)).collect();
+    uncovered(plan, tracer, elements, values, &around, watch)
+}
+
+/// Open leaves around a vertex.
+#[derive(Clone, Copy, Debug, Default)]
+struct Around {
+    /// Their number.
+    count: f64,
+    /// Sum of the mean irradiances of their open parts.
+    mean: f64,
+    /// Sum of their middles.
+    towards: DVec3,
+}
+
+impl Around {
+    /// Adds a leaf that is open, at least in part.
+    fn add(&mut self, leaf: ElementId, elements: &Elements, light: &Light) {
+        self.count += 1.0;
+        self.mean += light.irradiance(leaf).mean() / light.open_share(leaf);
+        self.towards += elements.get(leaf).corners.mean();
+    }
+}
+
+/// Surfaces from values at vertices. Those that are dark since something stands on them take the light beside it.
+fn uncovered(
+    plan: SmoothPlan<'_>,
+    tracer: &Tracer,
+    elements: &Elements,
+    mut values: Vec<Rgb>,
+    around: &[Around],
+    watch: &mut Watch<'_>,
+) -> Option<SmoothSurfaces> {
     // Where everything around is as dark nothing is made better by looking.
-    let openness: Vec<f64> =
-        sums.iter().zip(means).map(|(&(sum, _), mean)| if sum.mean() < DARK * mean { 0.0 } else { 1.0 }).collect();
-    plan.uncover(bsp, &vec![false; plan.vertices()], &mut values, &openness);
+    let is_dark = |site: usize| values[site].mean() * around[site].count < DARK * around[site].mean;
+    let openness: Vec<f64> = (0..values.len()).map(|site| if is_dark(site) { 0.0 } else { 1.0 }).collect();
+    let covered: Vec<bool> = plan.sites()[..values.len()]
+        .iter()
+        .zip(&openness)
+        .map(|(site, &open)| open == 0.0 && tracer.is_covered(site.position, elements.get(site.leaf).polygon))
+        .collect();
+    plan.uncover(tracer, &covered, &mut values, &openness);
     plan.assemble(&values, watch)
 }
+
+/// Vertices at the border of what is open are gathered at by this share of the way to the middles of the leaves around: in
+/// the plane of a wall that stands there its form factor is undefined. It is what the paper's schedule moves them by.
+const INSET: f64 = 0.01;
+
+/// What a final gather at vertices works from.
+pub(crate) struct Gathering<'a> {
+    pub(crate) scene: &'a Scene,
+    pub(crate) tracer: &'a Tracer,
+    pub(crate) elements: &'a Elements,
+    pub(crate) light: &'a Light,
+    /// Polygons that take part.
+    pub(crate) active: &'a [bool],
+    pub(crate) rays: u32,
+    pub(crate) seed: u64,
+    pub(crate) threads: usize,
+}
+
+impl Gathering<'_> {
+    /// Surfaces from the irradiance that rays find at each vertex; `solved` is the irradiance that they read where they end.
+    /// The observer is asked every 10 ms or so.
+    pub(crate) fn surfaces(
+        &self,
+        solved: &(impl Fn(u32, DVec3) -> Rgb + Sync),
+        observer: &mut dyn Observer,
+    ) -> Result<SmoothSurfaces, RenderError> {
+        let Gathering { scene, tracer, elements, light, .. } = *self;
+        let stage = |done| Progress { done, elements: elements.len(), ..Progress::of(Phase::Interpolation) };
+        let plan = SmoothPlan::new(scene, tracer, elements, &mut Watch::new(observer, stage(0.0)));
+        let plan = plan.ok_or(RenderError::Cancelled)?;
+        let mut around = vec![Around::default(); plan.vertices()];
+        let mut is_border = vec![false; plan.vertices()];
+        for (site, leaf) in plan.around() {
+            if light.open_share(leaf) < 1.0 {
+                is_border[site] = true;
+            }
+            if light.open_share(leaf) > 0.0 {
+                around[site].add(leaf, elements, light);
+            }
+        }
+        let positions = plan.positions();
+        let gather = FinalGather::new(tracer, self.rays, 1);
+        let value = |site: usize| {
+            let Site { position, leaf } = plan.sites()[site];
+            let polygon = elements.get(leaf).polygon;
+            let Around { count, towards, .. } = around[site];
+            if count == 0.0 || !self.active[polygon as usize] {
+                return Rgb::ZERO;
+            }
+            let position =
+                if is_border[site] { positions[site] + (towards / count - positions[site]) * INSET } else { position };
+            let mut stream = Stream::new(mix(self.seed ^ VERTICES) ^ site as u64);
+            gather.irradiance(position, polygon, 0, &mut stream, solved)
+        };
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(self.threads).build();
+        let pool = pool.map_err(|_| RenderError::Threads { threads: self.threads })?;
+        let mut pace = Pace::starting(8 * pool.current_num_threads());
+        let mut values = Vec::with_capacity(plan.vertices());
+        while values.len() < plan.vertices() {
+            if observer.observe(&stage(values.len() as f64 / plan.vertices() as f64)) == Flow::Stop {
+                return Err(RenderError::Cancelled);
+            }
+            let portion = values.len()..(values.len() + pace.size()).min(plan.vertices());
+            pace.begin();
+            values.extend(pool.install(|| portion.into_par_iter().map(value).collect::<Vec<Rgb>>()));
+            pace.end();
+        }
+        let made = uncovered(plan, tracer, elements, values, &around, &mut Watch::new(observer, stage(1.0)));
+        made.ok_or(RenderError::Cancelled)
+    }
+}
+
+/// Sets the streams of vertices apart from others of the same seed.
+const VERTICES: u64 = 0x7665_7274_6963_6573;
 
 /// Root of the area-weighted mean square by which leaves would change, relative to their mean irradiance.
 fn relative_change(hierarchy: &Hierarchy, means: &[(ElementId, Rgb)]) -> f64 {

@@ -1,12 +1,14 @@
 //! A solved scene, and what it answers; how it came about is left to the schedules.
 
 use crate::wavefront::Transported;
-use crate::{Record, RecordError, Report, smooth};
+use crate::{Record, RecordError, RenderError, Report, smooth};
+use isolux_core::DVec3;
 use isolux_core::links::Hierarchy;
 use isolux_core::scene::Scene;
-use isolux_core::solution::{SmoothSurfaces, SurfaceMesh, Unobserved};
+use isolux_core::solution::{Observer, SmoothSurfaces, SurfaceMesh, Unobserved};
 use isolux_core::tree::Bsp;
 use isolux_core::units::Rgb;
+use isolux_wavefront::Tracer;
 use std::sync::{Arc, OnceLock};
 
 /// A solved scene.
@@ -15,6 +17,8 @@ pub struct Solution {
     pub(crate) scene: Arc<Scene>,
     /// Made when it is first asked for, where the solve did without.
     pub(crate) bsp: OnceLock<Bsp>,
+    /// What finds what a ray meets; made when it is first asked for.
+    pub(crate) tracer: OnceLock<Tracer>,
     pub(crate) hierarchy: Hierarchy,
     pub(crate) active: Vec<bool>,
     /// Made when first asked for, likewise.
@@ -52,10 +56,23 @@ impl Solution {
         self.transport.as_ref()
     }
 
-    /// The BSP tree of its polygons: what the rays of a `sequential` solve walked, and what pictures look through.
+    /// The BSP tree of its polygons: what the rays of a `sequential` solve walked. After a `wavefront` solve nothing but this
+    /// call makes one, which takes long for large scenes.
     #[must_use]
     pub fn bsp(&self) -> &Bsp {
         self.bsp.get_or_init(|| Bsp::build(&self.scene, self.report.settings.order))
+    }
+
+    /// Was the BSP tree made? Not by a `wavefront` solve, nor by what is asked of its solution.
+    #[must_use]
+    pub fn has_bsp(&self) -> bool {
+        self.bsp.get().is_some()
+    }
+
+    /// What finds what rays meet: what pictures look through.
+    #[must_use]
+    pub fn tracer(&self) -> &Tracer {
+        self.tracer.get_or_init(|| Tracer::new(self.scene.clone()))
     }
 
     /// Smooth values at the vertices of a restricted mesh.
@@ -67,16 +84,64 @@ impl Solution {
     /// Smooth values at any point.
     pub(crate) fn surfaces(&self) -> &SmoothSurfaces {
         self.surfaces.get_or_init(|| {
-            let (scene, bsp) = (&*self.scene, self.bsp());
+            let scene = &*self.scene;
             // An observer that never says stop lets everything through.
             let made = match &self.transport {
                 Some(transport) => {
-                    smooth::blend(scene, bsp, &self.hierarchy.elements, &self.hierarchy.light, &transport.fields)
+                    let Hierarchy { elements, light, .. } = &self.hierarchy;
+                    smooth::blend(scene, self.tracer(), elements, light, &transport.fields)
                 }
-                None => smooth::average(scene, bsp, &self.hierarchy, &mut Unobserved).map(|(_, made)| made),
+                None => smooth::average(scene, self.bsp(), &self.hierarchy, &mut Unobserved).map(|(_, made)| made),
             };
             made.unwrap_or_default()
         })
+    }
+
+    /// Makes what pictures need, where it is not there yet: with a final gather, values at points alone.
+    pub(crate) fn prepare(&self, gather: bool) {
+        let _ = self.tracer();
+        if !gather || self.transport.is_none() {
+            let _ = self.surfaces();
+        }
+    }
+
+    /// Irradiance at a point of a polygon, front or back, W/m² or lm/m²: of fields where there are some.
+    pub(crate) fn solved(&self, polygon: u32, point: DVec3) -> Rgb {
+        match &self.transport {
+            Some(Transported { fields, .. }) => {
+                let normal = self.scene.polygons[polygon as usize].plane.normal;
+                isolux_wavefront::irradiance_at(&self.hierarchy.elements, fields, polygon, normal, point)
+            }
+            None => self.surfaces().irradiance(&self.scene, polygon, point),
+        }
+    }
+
+    /// [`Solution::mesh`] with irradiances that rays find at its vertices, in place of what was solved there: `rays` around
+    /// each, half as many to emitters. Not kept. `threads`: 0 stands for all cores; never changes a result.
+    ///
+    /// # Errors
+    /// [`RenderError`] for no rays or more than make sense, and when the observer stops it.
+    pub fn gathered_mesh(
+        &self,
+        rays: u32,
+        threads: usize,
+        observer: &mut dyn Observer,
+    ) -> Result<SurfaceMesh, RenderError> {
+        crate::render::check_rays(Some(rays))?;
+        self.prepare(true);
+        let Hierarchy { elements, light, .. } = &self.hierarchy;
+        let gathering = smooth::Gathering {
+            scene: &self.scene,
+            tracer: self.tracer(),
+            elements,
+            light,
+            active: &self.active,
+            rays,
+            seed: self.report.settings.seed,
+            threads,
+        };
+        let made = gathering.surfaces(&|polygon, point| self.solved(polygon, point), observer)?;
+        Ok(made.into_mesh())
     }
 
     /// Irradiance of the front at a point of an input face, W/m² or lm/m²; `None` where no such face exists or where
@@ -85,13 +150,7 @@ impl Solution {
     pub fn irradiance_at(&self, face: u32, barycentric: [f64; 3]) -> Option<Rgb> {
         let &polygon = self.scene.face_polygon.get(face as usize)?;
         let point = self.scene.position(face, barycentric);
-        (polygon != Scene::NO_POLYGON).then(|| match &self.transport {
-            Some(Transported { fields, .. }) => {
-                let normal = self.scene.polygons[polygon as usize].plane.normal;
-                isolux_wavefront::irradiance_at(&self.hierarchy.elements, fields, polygon, normal, point)
-            }
-            None => self.surfaces().irradiance(&self.scene, polygon, point),
-        })
+        (polygon != Scene::NO_POLYGON).then(|| self.solved(polygon, point))
     }
 
     /// Radiosity `E + rho H` of the front at a point of an input face, W/m² or lm/m²; `None` as above.

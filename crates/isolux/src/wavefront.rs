@@ -118,6 +118,7 @@ pub(crate) fn solution(
     Solution {
         scene,
         bsp: OnceLock::new(),
+        tracer: OnceLock::new(),
         hierarchy: Hierarchy { links: Links::new(elements.len()), elements, light },
         active,
         surfaces: OnceLock::new(),

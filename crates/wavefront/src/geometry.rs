@@ -165,11 +165,17 @@ impl Geometry {
 
     /// One element for each polygon, named by its index.
     pub(crate) fn bare_roots(&self) -> Vec<Element> {
-        let root = |(index, polygon): (usize, &isolux_core::scene::Polygon)| {
-            let index = index as u32;
-            Element::new(self.corners(&polygon.corners), polygon.corners.len() as u8, index, NONE, Path::root(index))
-        };
-        self.scene.polygons.iter().enumerate().map(root).collect()
+        (0..self.scene.polygons.len() as u32).map(|polygon| self.root(polygon)).collect()
+    }
+
+    /// A polygon as an element.
+    pub(crate) fn root(&self, polygon: u32) -> Element {
+        self.part(&self.scene.polygons[polygon as usize].corners, polygon)
+    }
+
+    /// A part of a polygon as an element. It has the polygon's name.
+    pub(crate) fn part(&self, corners: &Corners, polygon: u32) -> Element {
+        Element::new(self.corners(corners), corners.len() as u8, polygon, NONE, Path::root(polygon))
     }
 
     fn corners(&self, corners: &Corners) -> [Vec3; 4] {
@@ -186,12 +192,10 @@ fn is_parallelogram(a: DVec3, b: DVec3, c: DVec3, d: DVec3, tolerance: f64) -> b
 impl Filter for Geometry {
     fn passes(&self, primitive: u32, u: f32, v: f32) -> f32 {
         let polygon = &self.scene.polygons[self.polygon_of[primitive as usize] as usize];
-        let Some(mask) = polygon.mask else { return (1.0 - polygon.opacity) as f32 };
-        let shape = &self.primitives[primitive as usize];
-        let point = Vec3::from(shape.origin) + Vec3::from(shape.u) * u + Vec3::from(shape.v) * v;
-        let uv = polygon.texture_coordinates(point.as_dvec3() + self.middle);
-        let is_solid = uv.is_none_or(|uv| self.scene.masks[mask as usize].is_solid(uv));
-        if is_solid { 0.0 } else { 1.0 }
+        if polygon.mask.is_none() {
+            return (1.0 - polygon.opacity) as f32;
+        }
+        if self.is_solid(primitive, u, v) { 0.0 } else { 1.0 }
     }
 }
 
@@ -199,6 +203,16 @@ impl Filter for Geometry {
 const MOST_PASSED: u32 = 64;
 
 impl Geometry {
+    /// Is a primitive solid at a place, or is there a hole of its mask?
+    pub(crate) fn is_solid(&self, primitive: u32, u: f32, v: f32) -> bool {
+        let polygon = &self.scene.polygons[self.polygon_of[primitive as usize] as usize];
+        let Some(mask) = polygon.mask else { return true };
+        let shape = &self.primitives[primitive as usize];
+        let point = Vec3::from(shape.origin) + Vec3::from(shape.u) * u + Vec3::from(shape.v) * v;
+        let uv = polygon.texture_coordinates(point.as_dvec3() + self.middle);
+        uv.is_none_or(|uv| self.scene.masks[mask as usize].is_solid(uv))
+    }
+
     /// The lit side that a ray from a surface sees, and where; chance decides at surfaces that let light pass. Nothing for
     /// black backs, and where the ray leaves the scene.
     pub(crate) fn look(&self, from: Vec3, normal: Vec3, direction: Vec3, stream: &mut Stream) -> Option<(u32, Vec3)> {

@@ -5,7 +5,7 @@ use crate::light::Field;
 use crate::link::{CLUSTER, State};
 use crate::solve::Solved;
 use isolux_core::DVec3;
-use isolux_core::scene::Scene;
+use isolux_core::scene::{Corners, Scene};
 use isolux_core::solution::{Light, Update};
 use isolux_core::tree::{ElementId, Elements};
 use isolux_core::units::Rgb;
@@ -126,6 +126,11 @@ impl Solved {
 #[must_use]
 pub fn irradiance_at(elements: &Elements, fields: &[Field], polygon: u32, normal: DVec3, point: DVec3) -> Rgb {
     let leaf = elements.locate(ElementId(polygon), point);
-    let corners = &elements.get(leaf).corners;
-    Rgb(crate::read::within(corners, normal, point, &fields[leaf.index()]).map(f64::from))
+    irradiance_in(&elements.get(leaf).corners, normal, point, &fields[leaf.index()])
+}
+
+/// Irradiance at a point of a leaf from its field, W/m² or lm/m².
+#[must_use]
+pub fn irradiance_in(corners: &Corners, normal: DVec3, point: DVec3, field: &Field) -> Rgb {
+    Rgb(crate::read::within(corners, normal, point, field).map(f64::from))
 }

@@ -11,6 +11,7 @@ import typer
 
 from isolux import __version__
 from isolux.cli import bake, inspect, render, solve, study
+from isolux.cli.options import GATHER_RAYS
 from isolux.cli.terminal import say
 from isolux.exceptions import (
     InternalError,
@@ -71,7 +72,7 @@ def run(arguments: Sequence[str]) -> int:
             # A terminal that cannot show "²" is no reason to fail.
             stream.reconfigure(errors="replace")
     try:
-        code = app(list(arguments), prog_name="isolux", standalone_mode=False)
+        code = app(_with_rays(arguments), prog_name="isolux", standalone_mode=False)
         sys.stdout.flush()
     except typer.TyperException as error:
         return _usage(error)
@@ -90,6 +91,16 @@ def run(arguments: Sequence[str]) -> int:
     except BaseException as error:
         return _internal(error)
     return code if isinstance(code, int) else 0
+
+
+def _with_rays(arguments: Sequence[str]) -> list[str]:
+    """Give a bare ``--gather`` its number: options whose value may be left out are not known to typer."""
+    given = list(arguments)
+    for index, argument in enumerate(given):
+        following = given[index + 1] if index + 1 < len(given) else ""
+        if argument == "--gather" and not following.lstrip("+-").isdigit():
+            given[index] = f"--gather={GATHER_RAYS}"
+    return given
 
 
 def _usage(error: typer.TyperException) -> int:

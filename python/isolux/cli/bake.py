@@ -8,7 +8,16 @@ from typing import Annotated, Literal
 import typer
 
 import isolux
-from isolux.cli.options import JsonTarget, check_target, exposure_factor, write_json
+from isolux.cli.options import (
+    GatherRays,
+    Jobs,
+    JsonTarget,
+    ProgressOption,
+    check_target,
+    exposure_factor,
+    write_json,
+)
+from isolux.cli.progress import showing
 from isolux.cli.terminal import interrupts, say
 
 __all__ = ["bake"]
@@ -28,7 +37,10 @@ def bake(
             metavar="X", help="Factor on radiance, or stops with a sign (+1) relative to the automatic one."
         ),
     ] = None,
+    gather: GatherRays = None,
+    threads: Jobs = 0,
     json: JsonTarget = None,
+    progress: ProgressOption = "auto",
 ) -> int:
     """Write the lit surfaces of a solution: glTF with vertex colours, PLY, or VTU for ParaView.
 
@@ -38,12 +50,18 @@ def bake(
         isolux bake room.isolux -o lit.glb --exposure +1
 
         isolux bake room.isolux -o room.vtu
+
+        isolux bake room.isolux -o sharp.glb --gather 1024
     """
     check_target(out, solution, (".glb", ".ply", ".vtu"))
     with interrupts():
         opened = isolux.open(solution)
         factor = exposure_factor(exposure, opened.exposure)
-        opened.bake(out, exposure=factor)
+        if gather is None:
+            opened.bake(out, exposure=factor)
+        else:
+            with showing(progress) as hear:
+                opened.bake(out, exposure=factor, gather=gather, threads=threads, progress=hear)
     if not write_json(json, {"output": str(out), "exposure": factor}):
         say(f"wrote {out} (exposure {factor:.4g})")
     return 0

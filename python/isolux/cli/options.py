@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from isolux.report import Unit
 
 __all__ = [
+    "GATHER_RAYS",
+    "GatherRays",
     "Jobs",
     "JsonTarget",
     "ProgressMode",
@@ -36,6 +38,19 @@ ProgressMode = Literal["auto", "plain", "json", "none"]
 
 Jobs = Annotated[
     int, typer.Option("-j", "--threads", min=0, metavar="N", help="Threads; 0 stands for all cores.")
+]
+#: What a bare --gather stands for: noise of about 1 % of what is reflected.
+GATHER_RAYS = 256
+GatherRays = Annotated[
+    int | None,
+    typer.Option(
+        "--gather",
+        min=1,
+        max=65_536,
+        metavar="[RAYS]",
+        help="Final gather: light found by so many rays, and half as many to lights, in place of smooth "
+        f"values; {GATHER_RAYS} where no number follows.",
+    ),
 ]
 JsonTarget = Annotated[
     str | None,

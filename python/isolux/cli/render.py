@@ -9,6 +9,7 @@ import typer
 
 import isolux
 from isolux.cli.options import (
+    GatherRays,
     Jobs,
     JsonTarget,
     ProgressOption,
@@ -45,6 +46,7 @@ def render(
             metavar="X", help="Factor on radiance, or stops with a sign (+1) relative to the automatic one."
         ),
     ] = None,
+    gather: GatherRays = None,
     threads: Jobs = 0,
     json: JsonTarget = None,
     progress: ProgressOption = "auto",
@@ -57,6 +59,8 @@ def render(
         isolux render room.isolux -o room.png
 
         isolux render room.isolux -o hall.png --camera hall --exposure +0.5
+
+        isolux render room.isolux -o sharp.png --gather
 
         isolux render room.isolux -o desk.exr --eye 2,1.6,3 --at 0,0.8,0 --size 1920x1080
     """
@@ -79,6 +83,7 @@ def render(
                 vertical_angle=angle,
                 size=wanted,
                 samples=samples,
+                gather=gather,
                 threads=threads,
                 progress=hear,
             )

@@ -55,6 +55,12 @@ impl SmoothSurfaces {
         &self.mesh
     }
 
+    /// The mesh alone.
+    #[must_use]
+    pub fn into_mesh(self) -> SurfaceMesh {
+        self.mesh
+    }
+
     /// Irradiance at a point of a polygon, W/m² or lm/m²: bilinear in the leaf that holds the point (linear in the
     /// triangle, where the leaf is one or neighbours' vertices hang on it).
     #[must_use]
@@ -128,9 +134,23 @@ pub fn bilinear_coordinates([a, b, c, d]: [DVec3; 4], normal: DVec3, point: DVec
     (s, t)
 }
 
+/// Tells whether surfaces stand in a short way: all that a mesh asks of whatever finds what rays meet.
+pub trait Obstacles {
+    /// Does a surface cross the segment of so many metres from `start` along a unit direction? Transparent texels of masks
+    /// are passed; a polygon of opacity below 1 is a surface.
+    fn is_blocked(&self, start: DVec3, direction: DVec3, length: f64) -> bool;
+}
+
+impl Obstacles for (&Scene, &Bsp) {
+    fn is_blocked(&self, start: DVec3, direction: DVec3, length: f64) -> bool {
+        let (scene, bsp) = *self;
+        bsp.closest_hit(scene, start, direction, length, &mut NoProbe).is_some()
+    }
+}
+
 /// Coplanar neighbours with a common edge, and nothing standing on it, have one irradiance along it. Returns a group
 /// number per polygon.
-fn smoothing_groups(scene: &Scene, bsp: &Bsp, watch: &mut Watch<'_>) -> Option<Vec<u32>> {
+fn smoothing_groups(scene: &Scene, obstacles: &impl Obstacles, watch: &mut Watch<'_>) -> Option<Vec<u32>> {
     let mut group: Vec<u32> = (0..scene.polygons.len() as u32).collect();
     fn find(group: &mut [u32], mut at: u32) -> u32 {
         while group[at as usize] != at {
@@ -149,7 +169,7 @@ fn smoothing_groups(scene: &Scene, bsp: &Bsp, watch: &mut Watch<'_>) -> Option<V
             let (from, to) = (corners[k], corners[(k + 1) % corners.len()]);
             // The neighbour runs along the edge the other way.
             for &other in edges.get(&[key(to), key(from)]).map_or(&[][..], Vec::as_slice) {
-                if is_smooth_across(scene, bsp, index as u32, other, from, to) {
+                if is_smooth_across(scene, obstacles, index as u32, other, from, to) {
                     let (one, two) = (find(&mut group, index as u32), find(&mut group, other));
                     group[one.max(two) as usize] = one.min(two);
                 }
@@ -161,7 +181,7 @@ fn smoothing_groups(scene: &Scene, bsp: &Bsp, watch: &mut Watch<'_>) -> Option<V
 }
 
 /// Same plane, and a short ray just above the edge passes.
-fn is_smooth_across(scene: &Scene, bsp: &Bsp, one: u32, two: u32, from: DVec3, to: DVec3) -> bool {
+fn is_smooth_across(scene: &Scene, obstacles: &impl Obstacles, one: u32, two: u32, from: DVec3, to: DVec3) -> bool {
     let (p, q) = (&scene.polygons[one as usize], &scene.polygons[two as usize]);
     let tolerance = scene.tolerance();
     let coplanar = q.corners.iter().all(|&corner| p.plane.distance(corner).abs() <= tolerance)
@@ -174,7 +194,7 @@ fn is_smooth_across(scene: &Scene, bsp: &Bsp, one: u32, two: u32, from: DVec3, t
     // Far enough from edge and plane that the ray's ends are not taken for touching.
     let reach = 8.0 * tolerance;
     let start = middle + (inward + p.plane.normal) * reach;
-    bsp.closest_hit(scene, start, -inward, 2.0 * reach, &mut NoProbe).is_none()
+    !obstacles.is_blocked(start, -inward, 2.0 * reach)
 }
 
 /// A position as a hash key; both zeros are one.
@@ -225,21 +245,27 @@ pub struct SmoothPlan<'a> {
     sites: Vec<Site>,
     /// Sites from here on are the centres of the leaves, in order.
     centres: usize,
-    /// For each leaf: its id, and its vertices as sites, corners marked.
-    leaves: Vec<(ElementId, Vec<(u32, bool)>)>,
+    leaves: Outlines,
+    /// For each vertex: where it is, without an inset, metres.
+    positions: Vec<DVec3>,
     /// For each vertex: is it surrounded by leaves?
     inner: Vec<bool>,
 }
 
 impl<'a> SmoothPlan<'a> {
     /// Lays out the restricted mesh of the elements' leaves and finds its sites. `None` when the watch says stop.
-    pub fn new(scene: &'a Scene, bsp: &Bsp, elements: &'a Elements, watch: &mut Watch<'_>) -> Option<SmoothPlan<'a>> {
+    pub fn new(
+        scene: &'a Scene,
+        obstacles: &impl Obstacles,
+        elements: &'a Elements,
+        watch: &mut Watch<'_>,
+    ) -> Option<SmoothPlan<'a>> {
         let mut builder = Builder::new(scene, elements, watch)?;
         builder.restrict(watch)?;
-        let groups = smoothing_groups(scene, bsp, watch)?;
+        let groups = smoothing_groups(scene, obstacles, watch)?;
         let mut index: FxHashMap<(u32, u32), u32> = FxHashMap::default();
         let mut corners: Vec<Vertex> = Vec::new();
-        let mut leaves = Vec::new();
+        let mut leaves = Outlines::default();
         for leaf in elements.leaves() {
             if watch.step(CELL_WORK, 0.0) == Flow::Stop {
                 return None;
@@ -247,7 +273,7 @@ impl<'a> SmoothPlan<'a> {
             let element = elements.get(leaf);
             let (centre, group) = (element.corners.mean(), groups[element.polygon as usize]);
             let outline = builder.outline(&element.corners);
-            let mut own = Vec::with_capacity(outline.len());
+            leaves.begin(leaf);
             for (k, &(point, position, is_corner)) in outline.iter().enumerate() {
                 let before = outline[(k + outline.len() - 1) % outline.len()].1;
                 let after = outline[(k + 1) % outline.len()].1;
@@ -263,15 +289,15 @@ impl<'a> SmoothPlan<'a> {
                 if (element.area, element.path) < (finest.area, finest.path) {
                     vertex.leaf = leaf;
                 }
-                own.push((site, is_corner));
+                leaves.vertices.push((site, is_corner));
             }
-            leaves.push((leaf, own));
         }
         let inner: Vec<bool> = corners.iter().map(Vertex::is_inner).collect();
         let mut sites: Vec<Site> = corners.iter().map(Vertex::site).collect();
         let centres = sites.len();
-        sites.extend(leaves.iter().map(|&(leaf, _)| Site { position: elements.get(leaf).corners.mean(), leaf }));
-        Some(SmoothPlan { builder, groups, index, sites, centres, leaves, inner })
+        sites.extend(leaves.iter().map(|(leaf, _)| Site { position: elements.get(leaf).corners.mean(), leaf }));
+        let positions = corners.iter().map(|vertex| vertex.position).collect();
+        Some(SmoothPlan { builder, groups, index, sites, centres, leaves, positions, inner })
     }
 
     /// All places whose irradiance is asked for: vertices first, then the centres of the leaves.
@@ -286,12 +312,15 @@ impl<'a> SmoothPlan<'a> {
         self.centres
     }
 
-    /// Each leaf with each vertex on its outline: the vertex as a site, the leaf, and where the vertex is (no inset).
-    pub fn around(&self) -> impl Iterator<Item = (usize, ElementId, DVec3)> {
-        self.leaves.iter().flat_map(|(leaf, vertices)| {
-            let outline = self.builder.outline(&self.builder.elements.get(*leaf).corners);
-            vertices.iter().zip(outline).map(|(&(site, _), (_, position, _))| (site as usize, *leaf, position))
-        })
+    /// Where the vertices are, by site, without an inset, metres.
+    #[must_use]
+    pub fn positions(&self) -> &[DVec3] {
+        &self.positions
+    }
+
+    /// Each leaf with each vertex on its outline, as a site.
+    pub fn around(&self) -> impl Iterator<Item = (usize, ElementId)> {
+        self.leaves.iter().flat_map(|(leaf, vertices)| vertices.iter().map(move |&(site, _)| (site as usize, leaf)))
     }
 
     /// Irradiance at the vertices from that of the leaves around them: means weighted by inverse distance to the
@@ -299,23 +328,23 @@ impl<'a> SmoothPlan<'a> {
     pub fn averaged(&self, light: &Light, watch: &mut Watch<'_>) -> Option<Vec<Rgb>> {
         let elements = self.builder.elements;
         let mut around = vec![Blend::default(); self.centres];
-        for (leaf, vertices) in &self.leaves {
+        for (leaf, vertices) in self.leaves.iter() {
             if watch.step(CELL_WORK, 0.0) == Flow::Stop {
                 return None;
             }
-            let centre = elements.get(*leaf).corners.mean();
+            let centre = elements.get(leaf).corners.mean();
             for &(site, _) in vertices {
                 // The vertex itself, not its inset: distances to the leaves around are what counts.
-                around[site as usize].add(light.irradiance(*leaf), self.sites[site as usize].position.distance(centre));
+                around[site as usize].add(light.irradiance(leaf), self.sites[site as usize].position.distance(centre));
             }
         }
         let mut values: Vec<Rgb> = around.iter().map(Blend::mean).collect();
         let mut border = vec![Blend::default(); self.centres];
-        for (leaf, vertices) in &self.leaves {
+        for (leaf, vertices) in self.leaves.iter() {
             if watch.step(CELL_WORK, 0.0) == Flow::Stop {
                 return None;
             }
-            let centre = elements.get(*leaf).corners.mean();
+            let centre = elements.get(leaf).corners.mean();
             let corners: Vec<u32> =
                 vertices.iter().filter(|(_, is_corner)| *is_corner).map(|&(site, _)| site).collect();
             let count = corners.len();
@@ -326,7 +355,7 @@ impl<'a> SmoothPlan<'a> {
                     continue;
                 }
                 let known: Rgb = opposite.iter().map(|&site| around[site as usize].mean()).sum();
-                let continued = light.irradiance(*leaf) * (opposite.len() as f64 + 1.0) - known;
+                let continued = light.irradiance(leaf) * (opposite.len() as f64 + 1.0) - known;
                 border[site as usize].add(continued, self.sites[site as usize].position.distance(centre));
             }
         }
@@ -342,7 +371,7 @@ impl<'a> SmoothPlan<'a> {
     pub fn covered(&self, evaluator: &Evaluator<'_>, light: &Light) -> Vec<bool> {
         let mut doubtful = vec![false; self.sites.len()];
         for (index, (leaf, vertices)) in self.leaves.iter().enumerate() {
-            if light.open_share(*leaf) < 1.0 {
+            if light.open_share(leaf) < 1.0 {
                 doubtful[self.centres + index] = true;
                 vertices.iter().for_each(|&(site, _)| doubtful[site as usize] = true);
             }
@@ -359,7 +388,7 @@ impl<'a> SmoothPlan<'a> {
     /// Covered vertices are dark, but what is seen is the part of their leaves that is not covered: they take the mean
     /// of the open vertices around. Beside those found [by rays](SmoothPlan::covered), vertices count that see nothing
     /// (`openness` below 2 %) and have a surface close above them, a rug with a lit back for one.
-    pub fn uncover(&self, bsp: &Bsp, covered: &[bool], values: &mut [Rgb], openness: &[f64]) {
+    pub fn uncover(&self, obstacles: &impl Obstacles, covered: &[bool], values: &mut [Rgb], openness: &[f64]) {
         let scene = self.builder.scene;
         let covered: Vec<bool> = (0..self.centres)
             .map(|site| {
@@ -367,13 +396,11 @@ impl<'a> SmoothPlan<'a> {
                 let element = self.builder.elements.get(leaf);
                 let normal = scene.polygons[element.polygon as usize].plane.normal;
                 let start = position + normal * (2.0 * scene.tolerance());
-                covered[site]
-                    || openness[site] < COVERED
-                        && bsp.closest_hit(scene, start, normal, element.area.sqrt(), &mut NoProbe).is_some()
+                covered[site] || openness[site] < COVERED && obstacles.is_blocked(start, normal, element.area.sqrt())
             })
             .collect();
         let mut around = vec![(Rgb::ZERO, 0.0); self.centres];
-        for (_, vertices) in &self.leaves {
+        for (_, vertices) in self.leaves.iter() {
             let open = vertices.iter().filter(|(site, _)| !covered[*site as usize]);
             let (sum, count) =
                 open.fold((Rgb::ZERO, 0.0), |(sum, count), &(site, _)| (sum + values[site as usize], count + 1.0));
@@ -406,7 +433,7 @@ impl<'a> SmoothPlan<'a> {
                     weights += weight;
                 }
             }
-            (weights > 0.0).then(|| (*leaf, sum / weights))
+            (weights > 0.0).then(|| (leaf, sum / weights))
         });
         means.collect()
     }
@@ -415,6 +442,29 @@ impl<'a> SmoothPlan<'a> {
     pub fn assemble(self, values: &[Rgb], watch: &mut Watch<'_>) -> Option<SmoothSurfaces> {
         let SmoothPlan { builder, groups, index, .. } = self;
         builder.assemble(&groups, &Values { index: &index, values }, watch)
+    }
+}
+
+/// For each leaf: its id, and the vertices on its outline as sites, corners marked.
+#[derive(Debug, Default)]
+struct Outlines {
+    ids: Vec<ElementId>,
+    /// Where the vertices of each leaf begin.
+    start: Vec<u32>,
+    vertices: Vec<(u32, bool)>,
+}
+
+impl Outlines {
+    /// Begins a leaf, whose vertices follow.
+    fn begin(&mut self, leaf: ElementId) {
+        self.ids.push(leaf);
+        self.start.push(self.vertices.len() as u32);
+    }
+
+    fn iter(&self) -> impl Iterator<Item = (ElementId, &[(u32, bool)])> {
+        let ends = self.start.iter().skip(1).copied().chain([self.vertices.len() as u32]);
+        let ranges = self.start.iter().zip(ends);
+        self.ids.iter().zip(ranges).map(|(&id, (&from, to))| (id, &self.vertices[from as usize..to as usize]))
     }
 }
 

@@ -16,7 +16,7 @@ mod vertex_gather;
 
 pub use balance::{Balance, RowSums, balance, row_sums};
 pub use corner_values::{around_corner, corner_mean};
-pub use interpolate::{Site, SmoothPlan, SmoothSurfaces, bilinear_coordinates};
+pub use interpolate::{Obstacles, Site, SmoothPlan, SmoothSurfaces, bilinear_coordinates};
 pub use light::{Light, LightViolation, Update};
 pub use mesh::SurfaceMesh;
 pub use pilot::pilot_irradiance;
@@ -24,4 +24,4 @@ pub use progress::{Flow, Observer, Phase, Progress, Unobserved, WATCH_INTERVAL, 
 pub use solver::{Interpolation, Iteration, Parameters, Roots, Solver, Stop};
 pub use sums::{GATHER_CHUNK, gather_sum, tree_sum};
 pub use values::{Values, area_weights, mean_of_children, pulled, reflected, settled};
-pub use vertex_gather::{Gathered, Shadows, irradiance_at_site};
+pub use vertex_gather::{Gathered, Shadows, irradiance_at_site, seen_factor};

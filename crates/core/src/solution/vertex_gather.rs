@@ -98,8 +98,10 @@ fn doubt(sight: Sight) -> f64 {
 /// middle is then off by at most about `A/r²`, 0.4 %, either way over a turned or shifted source.
 const FAR: f64 = 256.0;
 
-/// Closed-form factor of a source, or the kernel at its middle where it is far and wholly above the horizon.
-fn seen_factor(point: DVec3, normal: DVec3, source: &Patch<'_>) -> f64 {
+/// Closed-form factor of a source from a point with a unit normal, or the kernel at its middle where it is far and wholly
+/// above the horizon.
+#[must_use]
+pub fn seen_factor(point: DVec3, normal: DVec3, source: &Patch<'_>) -> f64 {
     let towards = source.corners.mean() - point;
     let square = towards.length_squared();
     let (height, drop) = (normal.dot(towards), -source.plane.normal.dot(towards));
