@@ -293,6 +293,17 @@ pub(crate) struct Remaining {
     pub(crate) dark: f64,
 }
 
+impl Remaining {
+    /// Receivers, sources, noise, bulges, dark links.
+    pub(crate) fn parts(&self) -> [f64; 5] {
+        [self.receiver, self.source, self.noise, self.bulge, self.dark]
+    }
+
+    pub(crate) fn sum(&self) -> f64 {
+        self.parts().iter().sum()
+    }
+}
+
 fn examine(pair: &Pair, evaluator: &Evaluator<'_>, light: &Light, limit: Limit, last: &mut u32, outcome: &mut Outcome) {
     let &Pair { a, b, wants, clear } = pair;
     if a == b {

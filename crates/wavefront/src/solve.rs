@@ -7,7 +7,7 @@ use crate::control::{Bound, Budget, Control};
 use crate::geometry::{Geometry, NONE};
 use crate::light::{Light, rms};
 use crate::link::CLUSTER;
-use crate::rounds::{Limit, Remaining, Transport};
+use crate::rounds::{Limit, Transport};
 use isolux_core::scene::Scene;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -25,7 +25,7 @@ pub struct Request {
     pub seed: u64,
     /// Elements at which refinement ends.
     pub max_elements: Option<u64>,
-    /// Bytes of memory at which refinement ends.
+    /// Bytes of memory at which refinement ends; 4 GiB unless given.
     pub memory: Option<u64>,
     /// Seconds after which refinement ends.
     pub time: Option<f64>,
@@ -100,7 +100,7 @@ const SETTLE_SHARE: f64 = 0.2;
 const MOST_SETTLES: u32 = 5;
 
 /// What links say they leave may be this much above the asked error where rays find that it is reached.
-const SLACK: f64 = 1.5;
+const SLACK: f64 = 2.5;
 
 /// Share of the asked error that a claim must keep below: a claim comes from a thousand points and may be that much too low.
 const MARGIN: f64 = 0.9;
@@ -108,6 +108,13 @@ const MARGIN: f64 = 0.9;
 /// Where links say that they leave this much less than was asked for, and rays still find more, what is missing is nothing
 /// that more links would bring.
 const FUTILE: f64 = 4.0;
+
+/// Stages one after the other that lower what is claimed by less than a share each, before more are taken to bring nothing.
+const VAIN: u32 = 3;
+const WORTH: f64 = 0.1;
+
+/// Bytes at which refinement ends where nothing else was asked for.
+const MEMORY: u64 = 4 << 30;
 
 /// How much longer than the gathers of the stage before a stage may take: elements grow by the square of what the error falls.
 const GROWTH: f64 = 2.5;
@@ -135,11 +142,12 @@ impl Prepared {
         let area = scene.area();
         let guess = first_guess(scene);
         let mut light = Light::even(guess, geometry, clusters, &elements);
-        let budget = Budget {
+        let deadline = request.time.map(|seconds| start + Duration::from_secs_f64(seconds));
+        let mut budget = Budget {
             elements: request.max_elements.map_or(usize::MAX, |most| most as usize),
-            bytes: request.memory.map_or(usize::MAX, |most| most as usize),
+            bytes: request.memory.unwrap_or(MEMORY) as usize,
             fixed: geometry.bvh.memory() + clusters.memory() + scene.polygons.len() * size_of_val(&scene.polygons[0]),
-            deadline: request.time.map(|seconds| start + Duration::from_secs_f64(seconds)),
+            deadline,
             control,
         };
         let mut transport = Transport {
@@ -155,9 +163,14 @@ impl Prepared {
         };
         let (mut stages, mut estimate, mut bound) = (Vec::<Stage>::new(), None, None);
         let mut mean = f64::from(rms(guess));
+        // The least error claimed so far, and the stages since that made no better one.
+        let (mut best, mut vain) = (f64::INFINITY, 0);
         let mut share = FIRST_SHARE * (FIRST_AIM.max(request.error)).powi(2);
         while bound.is_none() {
             control.begin_stage();
+            // What comes after refinement takes its time too.
+            let rest = stages.last().map_or(0.0, |last| GROWTH * (last.seconds[1] + last.seconds[2]));
+            budget.deadline = deadline.map(|deadline| deadline - Duration::from_secs_f64(rest).min(deadline - start));
             let limit = Limit { error: (share * mean * mean * area) as f32, area: (request.least_area * area) as f32 };
             let begun = Instant::now();
             let before = transport.elements.len();
@@ -166,15 +179,22 @@ impl Prepared {
                 break;
             }
             let refined = begun.elapsed();
-            let passes = settle(&mut light, &transport, limit, area, request.error);
+            let mut passes = settle(&mut light, &transport, limit, area, request.error, 1);
             mean = mean_irradiance(&light, scene, &transport);
+            let mut left = transport.remaining(&mut light);
+            let relative = |square: f64, mean: f64| if mean > 0.0 { (square / area).sqrt() / mean } else { 0.0 };
+            let mut by_links = relative(left.sum(), mean);
+            if bound.is_some() || by_links <= SLACK * request.error {
+                // To go on with, light need not have settled.
+                let more = settle(&mut light, &transport, limit, area, request.error, MOST_SETTLES - 1);
+                passes = [passes[0] + more[0], passes[1] + more[1]];
+                mean = mean_irradiance(&light, scene, &transport);
+                left = transport.remaining(&mut light);
+                by_links = relative(left.sum(), mean);
+            }
             light.scale = mean as f32;
             let gathered = begun.elapsed();
-            let left = transport.remaining(&mut light);
-            let Remaining { receiver, source, noise, bulge, dark } = left;
-            let relative = |square: f64| if mean > 0.0 { (square / area).sqrt() / mean } else { 0.0 };
-            let by_links = relative(receiver + bulge + source + noise + dark);
-            let late = budget.deadline.is_some_and(|deadline| Instant::now() + gathered.mul_f64(GROWTH) > deadline);
+            let late = deadline.is_some_and(|deadline| Instant::now() + gathered.mul_f64(GROWTH) > deadline);
             let stuck = stages.len() > MOST_STAGES / 2 && before == transport.elements.len();
             if bound.is_none() && by_links > SLACK * request.error {
                 bound = if late {
@@ -195,7 +215,7 @@ impl Prepared {
                 dark_links: transport.dark.len(),
                 passes,
                 by_links,
-                parts: [receiver, source, noise, bulge, dark].map(relative),
+                parts: left.parts().map(|part| relative(part, mean)),
                 check: found,
                 evaluated: [transport.evaluated, transport.packets],
                 seconds: [refined, gathered - refined, checked - gathered].map(|part| part.as_secs_f64()),
@@ -205,7 +225,12 @@ impl Prepared {
             if bound.is_some() || now.is_some_and(|now| now.total <= MARGIN * request.error && !dark_left) {
                 break;
             }
-            if now.is_some() && !dark_left && by_links <= request.error / FUTILE {
+            if let Some(now) = now.filter(|now| now.total < best * (1.0 - WORTH)) {
+                (best, vain) = (now.total, 0);
+            } else if now.is_some() {
+                vain += 1;
+            }
+            if now.is_some() && !dark_left && (by_links <= request.error / FUTILE || vain >= VAIN) {
                 bound = Some(Bound::Resolution);
                 break;
             }
@@ -233,8 +258,8 @@ fn first_guess(scene: &Scene) -> [f32; 3] {
     scene.emitted_power().0.map(|power| (power / area / (1.0 - reflectance.min(0.9))) as f32)
 }
 
-/// Gathers over the links and at the leaves by turns until neither changes much; the numbers of both.
-fn settle(light: &mut Light, transport: &Transport, limit: Limit, area: f64, error: f64) -> [u32; 2] {
+/// Gathers over the links and at the leaves by turns until neither changes much, or so many times; the numbers of both.
+fn settle(light: &mut Light, transport: &Transport, limit: Limit, area: f64, error: f64, most: u32) -> [u32; 2] {
     let (mut passes, mut settles) = (0, 0);
     loop {
         passes += converge(light, transport, PASS_SHARE * error);
@@ -249,7 +274,7 @@ fn settle(light: &mut Light, transport: &Transport, limit: Limit, area: f64, err
             sum += f64::from(element.area * now);
         }
         let relative = if sum > 0.0 { (change / area).sqrt() / (sum / area) } else { 0.0 };
-        if relative < SETTLE_SHARE * error || settles >= MOST_SETTLES {
+        if relative < SETTLE_SHARE * error || settles >= most {
             return [passes, settles];
         }
     }
