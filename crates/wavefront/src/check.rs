@@ -1,9 +1,12 @@
 //! A check by rays that know nothing of links: points of the surfaces and a solution's light go in, how far the solution is
 //! from fulfilling its own equation comes out.
 
-use crate::geometry::{Element, Geometry};
+use crate::geometry::{Element, Geometry, NONE};
 use crate::light::{Bands, Light};
 use crate::rays::even_point_of;
+use crate::read::quadrant;
+use crate::rounds::Transport;
+use crate::spread::spread;
 use glam::Vec3;
 use isolux_core::sampling::{Stream, mix};
 use isolux_simd::factor::{Polygon, point_factors};
@@ -13,34 +16,36 @@ use std::f32::consts::PI;
 /// Least and most points, and elements for each in between. The error of the estimate falls with their square root only, so
 /// that a coarse solution is checked in less time than it takes to make; where few places hold most of the error, as in a
 /// fine one, many points find them.
-const POINTS: (usize, usize) = (1024, 8192);
+const POINTS: (usize, usize) = (2048, 8192);
 const ELEMENTS_PER_POINT: usize = 16;
 
 /// Directions of a batch are strata of s by s, for an asked error e: s = `SIDE_PER_ERROR` / e, within bounds. What is
 /// measured is a square, and what chance adds to it falls by the number of directions: measured on a Cornell box, 3e-4 for
 /// 8 by 8, an eighth of 0.05².
-const SIDE_PER_ERROR: f64 = 0.32;
+const SIDE_PER_ERROR: f64 = 0.25;
 const SIDES: (f64, f64) = (8.0, 32.0);
 
 /// Rays to emitters of a batch, per direction.
 const TO_LIGHTS: f64 = 0.5;
 
+/// What rays found, over all surfaces or over their darker half; relative to the mean irradiance there.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Found {
+    /// RMS over surfaces and bands of what the solution's irradiance lacks against what its own radiosities throw there.
+    pub lack: f64,
+    /// RMS over surfaces and bands of its error: that, and what is lacking elsewhere as it is reflected to there.
+    pub error: f64,
+    /// Standard error of the square of `error`.
+    pub square_error: f64,
+}
+
 /// What rays found.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Check {
-    /// RMS over surfaces and bands of what the solution's irradiance lacks against what its own radiosities throw there,
-    /// relative to the mean irradiance.
-    pub rms: f64,
-    /// Standard error of the square of `rms`.
-    pub square_error: f64,
-    /// Mean of what it lacks, relative to the mean irradiance.
-    pub bias: f64,
-    /// RMS over the darker half of the points, relative to their mean irradiance.
-    pub dark: f64,
-    /// Standard error of the square of `dark`.
-    pub dark_square_error: f64,
-    /// Mean of what it lacks there, relative to the same.
-    pub dark_bias: f64,
+    /// Over all surfaces.
+    pub all: Found,
+    /// Over the half of the points with the least irradiance.
+    pub dark: Found,
     /// Mean irradiance of that half, relative to the mean of all.
     pub dark_mean: f64,
     /// Rays.
@@ -48,9 +53,14 @@ pub struct Check {
 }
 
 struct Point {
+    polygon: u32,
+    place: Vec3,
     found: [Bands; 2],
     solved: Bands,
 }
+
+/// Points of a region: that many tell what it lacks on average.
+const REGION: f64 = 16.0;
 
 /// Emitters from which each point chooses by what they throw on it; of more, all points choose by power.
 const MOST_WEIGHED: usize = 4096;
@@ -141,7 +151,8 @@ impl Choice<'_> {
 }
 
 /// Compares irradiances with what rays bring, at points spread over all fronts.
-pub(crate) fn check(geometry: &Geometry, elements: &[Element], light: &Light, error: f64, seed: u64) -> Check {
+pub(crate) fn check(transport: &Transport, light: &Light, error: f64, seed: u64) -> Check {
+    let (geometry, elements) = (&*transport.geometry, &transport.elements[..]);
     let side = (SIDE_PER_ERROR / error).clamp(SIDES.0, SIDES.1) as usize;
     let to_lights = (TO_LIGHTS * (side * side) as f64) as usize;
     let fronts = geometry.scene.fronts;
@@ -173,9 +184,11 @@ pub(crate) fn check(geometry: &Geometry, elements: &[Element], light: &Light, er
                 sum
             };
             let found = [gather(&mut stream), gather(&mut stream)];
-            Some(Point { found, solved: crate::read::field_at(geometry, elements, light, polygon as u32, point) })
+            let solved = crate::read::field_at(geometry, elements, light, polygon as u32, point);
+            Some(Point { polygon: polygon as u32, place: point, found, solved })
         })
         .collect();
+    let errors = errors(&points, area, transport, light);
     let brightness = |point: &Point| point.solved.iter().sum::<f32>() / 3.0;
     let mut order: Vec<usize> = (0..points.len()).collect();
     order.sort_by(|&a, &b| brightness(&points[a]).total_cmp(&brightness(&points[b])));
@@ -184,31 +197,79 @@ pub(crate) fn check(geometry: &Geometry, elements: &[Element], light: &Light, er
         let mean = indices.iter().map(|&index| f64::from(brightness(&points[index]))).sum::<f64>() / count;
         // Where nothing arrives, nothing can lack a share of it.
         let scale = if mean > 0.0 { mean } else { 1.0 };
-        let lacks = |index: usize, batch: usize, band: usize| {
-            f64::from(points[index].found[batch][band] - points[index].solved[band]) / scale
+        let squares = |values: &dyn Fn(usize) -> [Bands; 2]| -> (f64, f64) {
+            let square = |&index: &usize| {
+                let [one, other] = values(index);
+                (0..3).map(|band| f64::from(one[band]) * f64::from(other[band])).sum::<f64>() / (3.0 * scale * scale)
+            };
+            let squares: Vec<f64> = indices.iter().map(square).collect();
+            let mean = squares.iter().sum::<f64>() / count;
+            let spread = squares.iter().map(|value| (value - mean) * (value - mean)).sum::<f64>() / count;
+            (mean.max(0.0).sqrt(), (spread / count).sqrt())
         };
-        let squares: Vec<f64> = indices
-            .iter()
-            .map(|&index| (0..3).map(|band| lacks(index, 0, band) * lacks(index, 1, band)).sum::<f64>() / 3.0)
-            .collect();
-        let bias =
-            indices.iter().map(|&index| (0..6).map(|k| lacks(index, k / 3, k % 3)).sum::<f64>() / 6.0).sum::<f64>();
-        let square = squares.iter().sum::<f64>() / count;
-        let spread = squares.iter().map(|value| (value - square) * (value - square)).sum::<f64>() / count;
-        (square, (spread / count).sqrt(), bias / count, mean)
+        let (lack, _) = squares(&|index| points[index].lacks());
+        let (error, square_error) = squares(&|index| errors[index]);
+        (Found { lack, error, square_error }, mean)
     };
-    let (square, square_error, bias, mean) = measure(&order);
-    let (dark, dark_square_error, dark_bias, dark_mean) = measure(&order[..order.len() / 2]);
+    let (all, mean) = measure(&order);
+    let (dark, dark_mean) = measure(&order[..order.len() / 2]);
     Check {
-        rms: square.max(0.0).sqrt(),
-        square_error,
-        bias,
-        dark: dark.max(0.0).sqrt(),
-        dark_square_error,
-        dark_bias,
+        all,
+        dark,
         dark_mean: if mean > 0.0 { dark_mean / mean } else { 0.0 },
         rays: (points.len() * 2 * (side * side + to_lights)) as u64,
     }
+}
+
+impl Point {
+    /// What the solution lacks here, by each batch.
+    fn lacks(&self) -> [Bands; 2] {
+        self.found.map(|found| std::array::from_fn(|band| found[band] - self.solved[band]))
+    }
+
+    /// The smallest node of its polygon that is at least `area` large, m²: of 0, the leaf.
+    fn node(&self, area: f32, transport: &Transport) -> u32 {
+        let normal = transport.geometry.surfaces[self.polygon as usize].normal;
+        let mut node = self.polygon;
+        loop {
+            let element = &transport.elements[node as usize];
+            if element.first_child == NONE {
+                return node;
+            }
+            let child = element.first_child + quadrant(element, normal, self.place) as u32;
+            if transport.elements[child as usize].area < area {
+                return node;
+            }
+            node = child;
+        }
+    }
+}
+
+/// The solution's error at every point by each batch: what it lacks there, and what regions lack on average as it is
+/// reflected to there. Batches know nothing of each other, so that the mean of their product is that of the square.
+fn errors(points: &[Point], area: f64, transport: &Transport, light: &Light) -> Vec<[Bands; 2]> {
+    let least = (area * REGION / points.len().max(1) as f64) as f32;
+    let regions: Vec<u32> = points.iter().map(|point| point.node(least, transport)).collect();
+    let mut count = vec![0.0_f32; transport.elements.len()];
+    regions.iter().for_each(|&region| count[region as usize] += 1.0);
+    let [one, other] = [0, 1].map(|batch: usize| {
+        let mut lacking = vec![[0.0; 3]; transport.elements.len()];
+        for (point, &region) in points.iter().zip(&regions) {
+            let (lacks, mean) = (point.lacks()[batch], &mut lacking[region as usize]);
+            (0..3).for_each(|band| mean[band] += lacks[band] / count[region as usize]);
+        }
+        let error = spread(&lacking, light, transport);
+        (lacking, error)
+    });
+    let whole = |point: &Point, region: u32| {
+        let leaf = point.node(0.0, transport) as usize;
+        let lacks = point.lacks();
+        let of = |batch: usize, (lacking, error): &(Vec<Bands>, Vec<Bands>)| -> Bands {
+            std::array::from_fn(|band| lacks[batch][band] - lacking[region as usize][band] + error[leaf][band])
+        };
+        [of(0, &one), of(1, &other)]
+    };
+    points.iter().zip(&regions).map(|(point, &region)| whole(point, region)).collect()
 }
 
 /// Irradiance at a point by one batch of side² directions over the hemisphere: what is reflected from there, and the part of

@@ -33,9 +33,10 @@ mod rays;
 mod read;
 mod rounds;
 mod solve;
+mod spread;
 mod tracer;
 
-pub use check::Check;
+pub use check::{Check, Found};
 pub use control::{Bound, Control};
 pub use final_gather::FinalGather;
 pub use outcome::{ClusterColumns, LinkColumns, Outcome, irradiance_at, irradiance_in};

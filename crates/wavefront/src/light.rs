@@ -19,9 +19,6 @@ pub(crate) type Field = [Bands; 5];
 /// A function of direction, per band.
 pub(crate) type Directional = [Bands; 9];
 
-/// Most that a reflection is taken to leave: mean errors are claimed to grow tenfold at most.
-const MOST_KEPT: f64 = 0.9;
-
 /// Share of its mean that a linear source has in its darkest corner at least.
 const LEAST_LEFT: f32 = 0.1;
 
@@ -178,21 +175,6 @@ impl Light {
 
     pub(crate) fn coherent(&self, node: u32) -> f32 {
         if node & CLUSTER == 0 { self.coherent[node as usize] } else { 0.0 }
-    }
-
-    /// Share of light that a reflection leaves, by the mean reflectance where light falls: at most that much of a mean error
-    /// comes back.
-    pub(crate) fn contraction(&self, transport: &crate::rounds::Transport) -> f64 {
-        let (mut kept, mut all) = (0.0_f64, 0.0_f64);
-        for (polygon, surface) in transport.geometry.surfaces.iter().enumerate() {
-            let weight = f64::from(transport.elements[polygon].area * self.open[polygon]);
-            for band in 0..3 {
-                let irradiance = f64::from(self.irradiance[polygon][band]) * weight;
-                kept += f64::from(surface.reflectance[band]) * irradiance;
-                all += irradiance;
-            }
-        }
-        if all > 0.0 { (kept / all).min(MOST_KEPT) } else { 0.0 }
     }
 
     fn weight(&self, irradiance: f32) -> f32 {
@@ -437,10 +419,10 @@ impl Light {
 }
 
 /// Clusters' sums over the part of the hierarchy below one of them, which comes first.
-struct ClusterSums<'a> {
-    intensity: &'a mut [Directional],
-    radiosity: &'a mut [f32],
-    irradiance: &'a mut [f32],
+pub(crate) struct ClusterSums<'a> {
+    pub(crate) intensity: &'a mut [Directional],
+    pub(crate) radiosity: &'a mut [f32],
+    pub(crate) irradiance: &'a mut [f32],
 }
 
 /// Clusters from which both halves are summed side by side.
@@ -449,7 +431,7 @@ const PARALLEL: usize = 4096;
 impl ClusterSums<'_> {
     /// Sums up the cluster numbered `first` and all below it. `roots`: area, radiosity, irradiance and clamped cosine of
     /// the polygons.
-    fn pull(self, first: usize, clusters: &Clusters, roots: &[(f32, Bands, Bands, [f32; 9])]) {
+    pub(crate) fn pull(self, first: usize, clusters: &Clusters, roots: &[(f32, Bands, Bands, [f32; 9])]) {
         let ClusterSums { intensity, radiosity, irradiance } = self;
         let node = &clusters.nodes[first];
         let (mut sum, mut out, mut arriving) = ([[0.0; 3]; 9], 0.0, 0.0);

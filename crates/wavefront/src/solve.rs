@@ -1,6 +1,6 @@
 //! Stages of refinement and gathering until independent rays find no more than the error that was asked for.
 
-use crate::check::{Check, check};
+use crate::check::{Check, Found, check};
 use crate::clusters::Clusters;
 use crate::contacts::{Contacts, mark};
 use crate::control::{Bound, Budget, Control};
@@ -102,8 +102,8 @@ const MOST_SETTLES: u32 = 5;
 /// What links say they leave may be this much above the asked error where rays find that it is reached.
 const SLACK: f64 = 2.5;
 
-/// Share of the asked error that a claim must keep below: a claim comes from a thousand points and may be that much too low.
-const MARGIN: f64 = 0.9;
+/// Share of the asked error that a claim must keep below: it comes from some thousand points.
+const MARGIN: f64 = 0.85;
 
 /// Where links say that they leave this much less than was asked for, and rays still find more, what is missing is nothing
 /// that more links would bring.
@@ -206,8 +206,8 @@ impl Prepared {
                 };
             }
             let asked = bound.is_some() || by_links <= SLACK * request.error;
-            let found = asked.then(|| check(geometry, &transport.elements, &light, request.error, request.seed));
-            let now = found.map(|found| claim(&found, by_links, light.contraction(&transport)));
+            let found = asked.then(|| check(&transport, &light, request.error, request.seed));
+            let now = found.map(|found| claim(&found, by_links));
             let checked = begun.elapsed();
             stages.push(Stage {
                 elements: transport.elements.len(),
@@ -302,18 +302,15 @@ fn converge(light: &mut Light, transport: &Transport, error: f64) -> u32 {
 /// is left after 90.
 const MOST_PASSES: u32 = 100;
 
-/// The error that is claimed: what rays found, and what that grows to as it is reflected on; where they cannot tell it
-/// from their own noise, half of what links say at least.
-fn claim(found: &Check, by_links: f64, lambda: f64) -> Estimate {
-    // What is missing here is missing wherever this place throws light: all that rays find grows by something between 1 (it
-    // changes its sign from place to place and averages out) and 1/(1 - lambda) (it does not). The mean of both, as a factor,
-    // is never wrong by more than its own size. A mean over all surfaces grows by all of it.
-    let grown = |bias: f64| bias * bias * (1.0 / (1.0 - lambda).powi(2) - 1.0 / (1.0 - lambda));
-    let known = |square: f64, noise: f64, floor: f64| if square > 2.0 * noise { square } else { square.max(floor) };
-    let floor = 0.25 * by_links * by_links * (1.0 - lambda);
-    let total = known(found.rms * found.rms, found.square_error, floor) / (1.0 - lambda) + grown(found.bias);
-    let dark = known(found.dark * found.dark, found.dark_square_error, floor) / (1.0 - lambda) + grown(found.dark_bias);
-    Estimate { total: total.sqrt(), dark: dark.sqrt() }
+/// The error that is claimed: what rays found, a standard error of it added; where they cannot tell it from their own noise,
+/// half of what links say at least.
+fn claim(check: &Check, by_links: f64) -> Estimate {
+    let known = |found: Found| {
+        let square = found.error * found.error;
+        let most = (square + found.square_error).sqrt();
+        if square > 2.0 * found.square_error { most } else { most.max(0.5 * by_links) }
+    };
+    Estimate { total: known(check.all), dark: known(check.dark) }
 }
 
 fn mean_irradiance(light: &Light, scene: &Scene, transport: &Transport) -> f64 {

@@ -1,0 +1,137 @@
+//! How an error travels: what irradiance lacks on some elements goes in, what it then lacks everywhere comes out, as what is
+//! missing in one place is missing wherever that place throws light.
+
+use crate::evaluate::Evaluator;
+use crate::geometry::NONE;
+use crate::light::{Bands, ClusterSums, Directional, Light, rms};
+use crate::link::{CLUSTER, Link};
+use crate::rounds::Transport;
+use glam::Vec3;
+use isolux_simd::sphere::{clamped_cosine, evaluate};
+use rayon::prelude::*;
+
+/// Gathers after which the rest is left out: of reflectances of 0.8 a hundredth is left then.
+const MOST_PASSES: usize = 20;
+
+/// Change of a gather, relative to all, at which the rest is left out.
+const ENOUGH: f64 = 0.02;
+
+/// Sends what is lacking around over the links until little changes: the error of every leaf, that of `lacking` (by element,
+/// parents pass theirs on) included.
+pub(crate) fn spread(lacking: &[Bands], light: &Light, transport: &Transport) -> Vec<Bands> {
+    let evaluator = transport.evaluator();
+    let elements = evaluator.elements;
+    let rows: Vec<&[Link]> = transport.links.chunk_by(|a, b| a.receiver == b.receiver).collect();
+    let clusters = evaluator.clusters.nodes.len();
+    let mut intensity: Vec<Directional> = vec![[[0.0; 3]; 9]; clusters];
+    let mut thrown = vec![[0.0; 3]; elements.len()];
+    let mut error = lacking.to_vec();
+    let (mut unused, mut ignored) = (vec![0.0; clusters], vec![0.0; clusters]);
+    let mut before = 0.0;
+    for pass in 0..=MOST_PASSES {
+        let mut arriving: Vec<Directional> = vec![[[0.0; 3]; 9]; clusters];
+        if pass > 0 {
+            let gathered: Vec<(u32, Directional)> = rows
+                .par_iter()
+                .with_min_len(64)
+                .map(|row| (row[0].receiver, gather(row, &thrown, &intensity, &evaluator)))
+                .collect();
+            error.copy_from_slice(lacking);
+            for (receiver, values) in gathered {
+                if receiver & CLUSTER != 0 {
+                    arriving[(receiver & !CLUSTER) as usize] = values;
+                } else {
+                    (0..3).for_each(|band| error[receiver as usize][band] += values[0][band]);
+                }
+            }
+            send_down(&mut arriving, &mut error, &evaluator);
+        }
+        for (index, element) in elements.iter().enumerate().filter(|(_, element)| element.first_child != NONE) {
+            let above = error[index];
+            for child in element.first_child as usize..element.first_child as usize + 4 {
+                (0..3).for_each(|band| error[child][band] += above[band]);
+            }
+        }
+        let mut square = 0.0;
+        for (index, element) in elements.iter().enumerate().rev() {
+            if element.first_child == NONE {
+                let surface = &evaluator.geometry.surfaces[element.polygon as usize];
+                let open = if element.open == 0 { 0.0 } else { 1.0 };
+                thrown[index] = std::array::from_fn(|band| open * surface.reflectance[band] * error[index][band]);
+                square += f64::from(open * element.area * rms(error[index]) * rms(error[index]));
+            } else {
+                let first = element.first_child as usize;
+                let whole: f32 = (first..first + 4).map(|child| elements[child].area * light.open[child]).sum();
+                let share = |child: usize| elements[child].area * light.open[child] / whole.max(f32::MIN_POSITIVE);
+                thrown[index] = std::array::from_fn(|band| {
+                    (first..first + 4).map(|child| share(child) * thrown[child][band]).sum()
+                });
+            }
+        }
+        let size = square.sqrt();
+        if pass == MOST_PASSES || pass > 1 && (size - before).abs() <= ENOUGH * size {
+            break;
+        }
+        before = size;
+        let roots: Vec<(f32, Bands, Bands, [f32; 9])> = (0..evaluator.geometry.surfaces.len())
+            .into_par_iter()
+            .with_min_len(1024)
+            .map(|polygon| {
+                let cosine = clamped_cosine(evaluator.geometry.surfaces[polygon].normal.to_array());
+                (elements[polygon].area, thrown[polygon], [0.0; 3], cosine)
+            })
+            .collect();
+        ClusterSums { intensity: &mut intensity, radiosity: &mut unused, irradiance: &mut ignored }.pull(
+            0,
+            evaluator.clusters,
+            &roots,
+        );
+    }
+    error
+}
+
+/// What arrives over the links of one receiver, mean over it: an element's comes first.
+fn gather(row: &[Link], thrown: &[Bands], intensity: &[Directional], evaluator: &Evaluator<'_>) -> Directional {
+    let mut sum = [[0.0; 3]; 9];
+    for link in row {
+        let (to, from) = (evaluator.ball(link.receiver).0, evaluator.ball(link.source).0);
+        let value: Bands = if link.source & CLUSTER == 0 {
+            thrown[link.source as usize]
+        } else {
+            let harmonics = evaluate((to - from).normalize_or(Vec3::X).to_array());
+            let intensity = &intensity[(link.source & !CLUSTER) as usize];
+            std::array::from_fn(|band| (0..9).map(|k| harmonics[k] * intensity[k][band]).sum())
+        };
+        if link.receiver & CLUSTER == 0 {
+            let count = evaluator.elements[link.receiver as usize].count;
+            let mean = crate::field::mean(&link.factors, count).max(0.0);
+            (0..3).for_each(|band| sum[0][band] += mean * value[band]);
+        } else {
+            let harmonics = evaluate((from - to).normalize_or(Vec3::X).to_array());
+            for k in 0..9 {
+                (0..3).for_each(|band| sum[k][band] += link.factors[0] * harmonics[k] * value[band]);
+            }
+        }
+    }
+    sum
+}
+
+/// From clusters to the clusters and polygons below them.
+fn send_down(arriving: &mut [Directional], error: &mut [Bands], evaluator: &Evaluator<'_>) {
+    for (index, node) in evaluator.clusters.nodes.iter().enumerate() {
+        if node.parent != u32::MAX {
+            let above = arriving[node.parent as usize];
+            for k in 0..9 {
+                (0..3).for_each(|band| arriving[index][k][band] += above[k][band]);
+            }
+        }
+        if node.second == 0 {
+            for &polygon in evaluator.clusters.members(index as u32) {
+                let cosine = clamped_cosine(evaluator.geometry.surfaces[polygon as usize].normal.to_array());
+                for band in 0..3 {
+                    error[polygon as usize][band] += (0..9).map(|k| cosine[k] * arriving[index][k][band]).sum::<f32>();
+                }
+            }
+        }
+    }
+}
