@@ -95,7 +95,7 @@ class Settings:
         Naming the first setting that makes no sense, and its value.
     """
 
-    schedule: Schedule = "sequential"
+    schedule: Schedule = "wavefront"
     error: float = 0.05
     dark: float | None = None
     max_elements: int | None = None

@@ -36,9 +36,9 @@ impl Quality {
 #[serde(rename_all = "kebab-case")]
 pub enum Schedule {
     /// Flat rounds on all cores over clusters and elements, until the estimated error is the one asked for.
+    #[default]
     Wavefront,
     /// The paper's method, one pair of elements after the other.
-    #[default]
     Sequential,
 }
 
@@ -96,7 +96,7 @@ pub struct Settings {
     pub max_elements: Option<u64>,
     /// `wavefront`: elements below this share of the scene's area are not split; 1e-8 unless given.
     pub min_area: Option<f64>,
-    /// `wavefront`: stop before the solve takes more memory than this, bytes.
+    /// `wavefront`: stop before the solve takes more memory than this, bytes; 4 GiB unless given.
     pub memory: Option<u64>,
     /// `wavefront`: stop after this time, seconds.
     pub time: Option<f64>,

@@ -11,40 +11,102 @@ use crate::read::quadrant;
 use glam::Vec3;
 use rayon::prelude::*;
 
+/// A segment in the plane of a polygon.
+type Line = [Vec3; 2];
+
 /// Segments in the planes of polygons, by polygon.
 #[derive(Default)]
 pub(crate) struct Contacts {
+    /// First node of each polygon's boxes.
     start: Vec<u32>,
-    segments: Vec<[Vec3; 2]>,
+    boxes: Vec<Bounds>,
+    lines: Vec<Line>,
 }
+
+/// A box around some lines of a polygon: of itself, or of the boxes after it up to `next`.
+#[derive(Clone, Copy, Debug)]
+struct Bounds {
+    low: Vec3,
+    high: Vec3,
+    /// The box after all that is in this one.
+    next: u32,
+    /// Its lines, where it has no boxes in it.
+    first: u32,
+    count: u32,
+}
+
+/// Most lines of a box without boxes in it.
+const LEAF: usize = 4;
 
 impl Contacts {
     /// Finds all lines of contact.
     pub(crate) fn new(geometry: &Geometry, clusters: &Clusters, roots: &[Element]) -> Contacts {
-        let found: Vec<Vec<[Vec3; 2]>> = (0..roots.len() as u32)
+        let found: Vec<Vec<Line>> = (0..roots.len() as u32)
             .into_par_iter()
             .map(|polygon| touching(polygon, geometry, clusters, roots))
             .collect();
-        let mut start = Vec::with_capacity(found.len() + 1);
-        let mut segments = Vec::new();
-        for own in found {
-            start.push(segments.len() as u32);
-            segments.extend(own);
+        let mut contacts = Contacts { start: Vec::with_capacity(found.len() + 1), ..Contacts::default() };
+        for mut own in found {
+            contacts.start.push(contacts.boxes.len() as u32);
+            if !own.is_empty() {
+                contacts.pack(&mut own);
+            }
         }
-        start.push(segments.len() as u32);
-        Contacts { start, segments }
+        contacts.start.push(contacts.boxes.len() as u32);
+        contacts
     }
 
-    fn of(&self, polygon: u32) -> &[[Vec3; 2]] {
-        match self.start.get(polygon as usize..=polygon as usize + 1) {
-            Some(&[from, to]) => &self.segments[from as usize..to as usize],
-            _ => &[],
+    /// Appends a box around `lines`, halved along its longest side until few are in each.
+    fn pack(&mut self, lines: &mut [Line]) {
+        let low = lines.iter().flatten().fold(Vec3::INFINITY, |low, &end| low.min(end));
+        let high = lines.iter().flatten().fold(Vec3::NEG_INFINITY, |high, &end| high.max(end));
+        let own = self.boxes.len();
+        let (first, count) = (self.lines.len() as u32, lines.len() as u32);
+        self.boxes.push(Bounds { low, high, next: 0, first, count: 0 });
+        if lines.len() <= LEAF {
+            self.boxes[own].count = count;
+            self.lines.extend_from_slice(lines);
+        } else {
+            let axis = (high - low).max_position();
+            lines.sort_unstable_by(|a, b| (a[0][axis] + a[1][axis]).total_cmp(&(b[0][axis] + b[1][axis])));
+            let (left, right) = lines.split_at_mut(count as usize / 2);
+            self.pack(left);
+            self.pack(right);
         }
+        self.boxes[own].next = self.boxes.len() as u32;
+    }
+
+    /// Does a polygon have any?
+    fn any(&self, polygon: u32) -> bool {
+        matches!(self.start.get(polygon as usize..=polygon as usize + 1), Some(&[from, to]) if from < to)
+    }
+
+    /// Lines of a polygon whose box meets that of one of its elements.
+    fn near<'a>(&'a self, element: &Element, tolerance: f32) -> impl Iterator<Item = &'a Line> + 'a {
+        let (low, high) = bounds(element);
+        let (low, high) = (low - tolerance, high + tolerance);
+        let mut at = self.start.get(element.polygon as usize).copied().unwrap_or(0);
+        let end = self.start.get(element.polygon as usize + 1).copied().unwrap_or(0);
+        std::iter::from_fn(move || {
+            while at < end {
+                let node = &self.boxes[at as usize];
+                if node.low.cmpgt(high).any() || node.high.cmplt(low).any() {
+                    at = node.next;
+                    continue;
+                }
+                at += 1;
+                if node.count > 0 {
+                    return Some(&self.lines[node.first as usize..(node.first + node.count) as usize]);
+                }
+            }
+            None
+        })
+        .flatten()
     }
 }
 
 /// Segments in which other polygons meet the inside of `polygon`.
-fn touching(polygon: u32, geometry: &Geometry, clusters: &Clusters, roots: &[Element]) -> Vec<[Vec3; 2]> {
+fn touching(polygon: u32, geometry: &Geometry, clusters: &Clusters, roots: &[Element]) -> Vec<Line> {
     let (root, tolerance) = (&roots[polygon as usize], geometry.tolerance);
     let (low, high) = bounds(root);
     let (low, high) = (low - tolerance, high + tolerance);
@@ -128,7 +190,7 @@ fn crosses(element: &Element, segment: &[Vec3; 2], normal: Vec3, tolerance: f32)
 /// Marks roots: crossed or not, covered or not.
 pub(crate) fn mark(elements: &mut [Element], geometry: &Geometry) {
     elements.par_iter_mut().for_each(|element| {
-        element.crossed = !geometry.contacts.of(element.polygon).is_empty();
+        element.crossed = geometry.contacts.any(element.polygon);
         (element.open, element.divided) = open_parts(element, geometry);
     });
 }
@@ -147,7 +209,7 @@ fn open_parts(element: &Element, geometry: &Geometry) -> (u16, bool) {
     let from_strips = strips(element, geometry, &mut lit);
     let normal = geometry.surfaces[element.polygon as usize].normal;
     let divided = open == 0 && from_strips != 0
-        || geometry.contacts.of(element.polygon).iter().any(|line| {
+        || geometry.contacts.near(element, geometry.tolerance).any(|line| {
             let Some([from, to]) = within(element, line, normal, geometry.tolerance) else { return false };
             let left = |point: &Vec3| normal.dot((to - from).cross(*point - from)) > 0.0;
             lit.iter().any(left) && !lit.iter().all(left)
@@ -166,7 +228,7 @@ const BESIDE: f32 = 8.0;
 fn strips(element: &Element, geometry: &Geometry, lit: &mut Vec<Vec3>) -> u16 {
     let normal = geometry.surfaces[element.polygon as usize].normal;
     let mut open = 0;
-    for line in geometry.contacts.of(element.polygon) {
+    for line in geometry.contacts.near(element, geometry.tolerance) {
         let Some([from, to]) = within(element, line, normal, geometry.tolerance) else { continue };
         let aside = normal.cross(to - from).normalize_or_zero() * (BESIDE * geometry.tolerance);
         for place in PLACES {
@@ -279,7 +341,7 @@ pub(crate) fn split(elements: &mut Vec<Element>, element: u32, geometry: &Geomet
     for quarter in &mut quarters {
         quarter.open = node.open;
         if node.crossed {
-            let mut lines = geometry.contacts.of(node.polygon).iter();
+            let mut lines = geometry.contacts.near(quarter, geometry.tolerance);
             quarter.crossed = lines.any(|line| crosses(quarter, line, normal, geometry.tolerance));
             (quarter.open, quarter.divided) = open_parts(quarter, geometry);
         }

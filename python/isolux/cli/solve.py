@@ -54,7 +54,7 @@ def solve(
             help="wavefront: rounds on all cores until the estimated error is the one asked for; sequential: "
             "the paper's method."
         ),
-    ] = "sequential",
+    ] = "wavefront",
     threads: Jobs = 0,
     seed: Annotated[int, typer.Option(metavar="N", help="Seed of every pseudo-random choice.")] = 0,
     units: Units = None,
