@@ -214,6 +214,7 @@ def test_the_unit_of_power_reaches_every_result(isolux_command, scene_file, tmp_
 def test_every_setting_reaches_the_solver(isolux_command, scene_file, tmp_path):
     """Catches an option that is accepted and forgotten."""
     options = {
+        "--schedule": "sequential",
         "--bf-eps": 0.4,
         "--partial-visibility": 0.75,
         "--partial-form-factor": 0.3,
@@ -306,10 +307,12 @@ def test_a_bound_ends_a_solve_and_keeps_the_result(isolux_command, scene_file, t
 
 def test_settings_of_the_other_schedule_are_refused(isolux_command, scene_file, tmp_path):
     """Catches an option that is taken without a word and means nothing."""
-    done = isolux_command("solve", scene_file, "-o", tmp_path / "box.isolux", "--dark", 0.1)
-    assert done.returncode == 2
-    assert "'dark'" in done.stderr
-    assert "wavefront" in done.stderr
+    target = tmp_path / "box.isolux"
+    for own, name, schedule in (("--dark", "dark", "sequential"), ("--bf-eps", "bf_epsilon", "wavefront")):
+        done = isolux_command("solve", scene_file, "-o", target, own, 0.1, "--schedule", schedule)
+        assert done.returncode == 2
+        assert f"'{name}'" in done.stderr
+        assert ("wavefront" if schedule == "sequential" else "sequential") in done.stderr
 
 
 @pytest.mark.parametrize("command", ["solve", "bake", "render"])
@@ -342,7 +345,16 @@ def test_json_progress_is_json(isolux_command, scene_file, tmp_path):
 def test_an_iteration_limit_keeps_the_result(isolux_command, scene_file, tmp_path):
     """Catches an unfinished result told as good, or thrown away."""
     done = isolux_command(
-        "solve", scene_file, "-o", tmp_path / "a.isolux", "--error", "0.3", "--max-iterations", 1
+        "solve",
+        scene_file,
+        "-o",
+        tmp_path / "a.isolux",
+        "--schedule",
+        "sequential",
+        "--error",
+        "0.3",
+        "--max-iterations",
+        1,
     )
     assert done.returncode == 4
     assert "not converged in 1 iterations" in done.stderr
@@ -607,12 +619,20 @@ sys.exit(run(sys.argv[2:]))
 """
 
 
-@pytest.mark.parametrize("phase", ["tree", "pilot", "root-links", "iteration", "interpolation", "balance"])
-def test_ctrl_c_in_any_phase_leaves_a_partial_solution(scene_file, tmp_path, isolux_command, phase):
+PHASES = {
+    "wavefront": ["tree", "iteration"],
+    "sequential": ["tree", "pilot", "root-links", "iteration", "interpolation", "balance"],
+}
+
+
+@pytest.mark.parametrize(
+    ("schedule", "phase"), [(name, phase) for name, phases in PHASES.items() for phase in phases]
+)
+def test_ctrl_c_in_any_phase_leaves_a_partial_solution(tmp_path, isolux_command, schedule, phase):
     """Catches a phase that does not hear Ctrl-C, and a partial solution that cannot be opened or shown."""
     target = tmp_path / "partial.isolux"
     room = ROOT / "scenes" / "room.glb"
-    arguments = ("solve", room, "-o", target, "--error", "0.3", "--progress", "none")
+    arguments = ("solve", room, "-o", target, "--schedule", schedule, "--error", "0.1", "--progress", "none")
     done = in_python(IN_PHASE, phase, *arguments)
     assert done.returncode == 130, done.stderr
     assert "cancelled; what was computed is in" in done.stderr.splitlines()[-1]

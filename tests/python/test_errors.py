@@ -45,6 +45,8 @@ EXPECTED = {
     "RecordError::Format": ("SolutionFileError", "file format 9 is not supported (this version reads 1)"),
     "RenderError::NoSuchCamera": ("RenderError", "there is no camera 'hall'; the scene has: attic"),
     "RenderError::View": ("RenderError", "view: eye and target coincide"),
+    "RenderError::Gather": ("RenderError", "gather: 0 rays (1 to 65536)"),
+    "RenderError::Threads": ("RenderError", "threads: 1000000, but the system grants fewer"),
     "RenderError::Cancelled": ("KeyboardInterrupt", "cancelled"),
     "ReadError::Io": ("ReadError", "room.glb: cannot be read: no such file"),
     "ReadError::UnknownFormat": (

@@ -36,7 +36,7 @@ def test_qualities_are_errors(name, error):
 )
 def test_orders_survive_writing(order, seed, written):
     """Catches a seed of the insertion order that is lost."""
-    settings = isolux.Settings(order=order, seed=seed)
+    settings = isolux.Settings(schedule="sequential", order=order, seed=seed)
     assert settings.to_dict()["order"] == written
     assert isolux.Settings.from_dict(settings.to_dict()).to_dict() == settings.to_dict()
 

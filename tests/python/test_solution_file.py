@@ -165,12 +165,12 @@ def test_every_dataset_is_needed_and_checked(solution_file, tmp_path):
         ("elements/first_child", lambda a: np.full_like(a, 2**31), "elements"),
         ("elements/polygon", lambda a: np.full_like(a, 2**31), "elements"),
         ("elements/irradiance", lambda a: np.full_like(a, np.nan), "elements"),
-        ("links/form_factor", lambda a: np.full_like(a, np.nan), "links"),
+        ("links/factors", lambda a: np.full_like(a, np.nan), "links/factors"),
         ("links/visibility", lambda a: np.full_like(a, 7.0), "links"),
         ("links/visibility", lambda a: np.full_like(a, np.nan), "links"),
         ("links/visibility", lambda a: np.full_like(a, -0.5), "links"),
-        ("links/form_factor", lambda a: np.full_like(a, 1.5), "links"),
-        ("links/proven", lambda a: np.arange(len(a), dtype=a.dtype) % 2, "links"),
+        ("links/factors", lambda a: np.full_like(a, -1.5), "links/factors"),
+        ("links/centre", lambda a: np.full_like(a, 2.0), "links/centre"),
         ("links/proven", lambda a: np.full_like(a, 2), "links/proven"),
     ],
 )
@@ -294,7 +294,7 @@ def test_a_cancelled_solve_is_saved_as_it_stands(tmp_path):
             raise KeyboardInterrupt
 
     with pytest.raises(isolux.Cancelled) as raised:
-        isolux.solve(box(), error=0.05, progress=stop)
+        isolux.solve(box(), error=0.05, schedule="sequential", progress=stop)
     partial = raised.value.solution
     partial.save(tmp_path / "partial.isolux")
     with h5py.File(tmp_path / "partial.isolux") as file:
