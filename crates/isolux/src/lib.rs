@@ -24,8 +24,8 @@ pub use record::{Array, Data, Record};
 pub use relight::Changes;
 pub use render::{RenderSettings, View, render};
 pub use report::{
-    Energy, ErrorEstimate, GroupsReport, IterationReport, LinkReport, PhaseReport, ReflectanceReport, RelitReport, Report,
-    RowSum, StageReport, Status, WeightReport,
+    Energy, ErrorEstimate, GroupsReport, IterationReport, LinkReport, PhaseReport, ReflectanceReport, RelitReport,
+    Report, RowSum, StageReport, Status, WeightReport,
 };
 pub use settings::{Quality, Schedule, Settings};
 

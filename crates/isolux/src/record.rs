@@ -386,7 +386,7 @@ pub(crate) fn read(record: Record) -> Result<Solution, RecordError> {
         serde_json::from_value(raw).map_err(|error| inconsistent("attributes", error.to_string()))?;
     let mut shelf = Shelf { arrays: record.arrays.into_iter().map(|array| (array.name.clone(), array)).collect() };
     let report = attributes.report.clone();
-    let (groups, limit) = (attributes.groups.clone(), attributes.limit);
+    let beyond = Beyond { format: attributes.format, groups: attributes.groups.clone(), limit: attributes.limit };
     let (scene, active) = read_scene(attributes, &mut shelf)?;
     if let Err(error) = report.settings.validate() {
         return Err(inconsistent("attributes/report", error.to_string()));
@@ -396,7 +396,7 @@ pub(crate) fn read(record: Record) -> Result<Solution, RecordError> {
     }
     let part = Part { scene, active, report };
     match part.report.schedule {
-        Schedule::Wavefront => read_transported(part, groups, limit, &mut shelf),
+        Schedule::Wavefront => read_transported(part, beyond, &mut shelf),
         Schedule::Sequential => read_linked(part, &mut shelf),
     }
 }
@@ -408,14 +408,17 @@ struct Part {
     report: Report,
 }
 
-/// A solution of `wavefront`.
-fn read_transported(
-    part: Part,
+/// What attributes say of a solution of `wavefront`.
+struct Beyond {
+    format: u64,
     groups: Vec<String>,
     limit: f32,
-    shelf: &mut Shelf,
-) -> Result<Solution, RecordError> {
+}
+
+/// A solution of `wavefront`.
+fn read_transported(part: Part, beyond: Beyond, shelf: &mut Shelf) -> Result<Solution, RecordError> {
     let Part { scene, active, report } = part;
+    let Beyond { format, groups, limit } = beyond;
     let elements = read_elements(&scene, shelf)?;
     let radiosity = shelf.rgb("elements/radiosity", elements.len())?;
     let irradiance = shelf.rgb("elements/irradiance", elements.len())?;
@@ -432,10 +435,10 @@ fn read_transported(
         centre: shelf.f32("links/centre", &[2])?.as_chunks().0.to_vec(),
         whole: Vec::new(),
     };
-    links.whole = if shelf.arrays.contains_key("links/whole") {
-        shelf.u8("links/whole", &[])?
-    } else {
+    links.whole = if format == OLDEST {
         links.visibility.iter().map(|&visibility| u8::from(visibility >= 1.0)).collect()
+    } else {
+        shelf.u8("links/whole", &[])?
     };
     let clusters = ClusterColumns {
         centre: shelf.f64("clusters/centre", &[3])?.as_chunks().0.to_vec(),
@@ -450,7 +453,8 @@ fn read_transported(
     if !(limit.is_finite() && limit >= 0.0) {
         return Err(inconsistent("attributes/limit", format!("{limit} is not a number of 0 or more")));
     }
-    let columns = if groups.is_empty() { None } else { Some(Arc::new(read_columns(groups, &elements, &scene, shelf)?)) };
+    let columns =
+        if groups.is_empty() { None } else { Some(Arc::new(read_columns(groups, &elements, &scene, shelf)?)) };
     let transport = Transported { fields, links: Arc::new(links), clusters: Arc::new(clusters), limit, columns };
     transport.check(&scene, &elements, &light).map_err(|TransportViolation { name, what }| inconsistent(name, what))?;
     Ok(crate::wavefront::solution(Arc::new(scene), elements, light, active, transport, report))

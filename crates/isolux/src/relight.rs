@@ -4,7 +4,7 @@
 use crate::groups::light_groups;
 use crate::report::{ErrorEstimate, PhaseReport, ReflectanceReport, RelitReport, WeightReport};
 use crate::wavefront::{Columns, Transported, solution};
-use crate::{Report, RelightError, Solution};
+use crate::{RelightError, Report, Solution};
 use isolux_core::scene::{Alpha, Scene};
 use isolux_core::solution::Light;
 use isolux_core::tree::ElementId;
@@ -118,8 +118,11 @@ fn relit(old: &Solution, changes: &Changes) -> Result<Solution, RelightError> {
     }
     emit(&mut scene, &columns, &weights);
     scene.hash = scene.compute_hash();
-    place(elements, mixed(&columns.fields, &weights), &mut fields);
-    let light = light_of(&scene, elements, &fields, open.to_vec());
+    let mix = || {
+        place(elements, mixed(&columns.fields, &weights), &mut fields);
+        light_of(&scene, elements, &fields, open.to_vec())
+    };
+    let (light, elements) = rayon::join(mix, || elements.clone());
     let mean = mean_irradiance(&scene, &light);
     let is_as_solved = origin.reflectance.is_empty() && weights.iter().all(|weight| *weight == [1.0; 3]);
     let error_estimate = estimate(&origin, &weights, mean);
@@ -138,7 +141,7 @@ fn relit(old: &Solution, changes: &Changes) -> Result<Solution, RelightError> {
         ..old.report.clone()
     };
     let transport = Transported { fields, columns: Some(columns), ..transport.clone() };
-    Ok(solution(Arc::new(scene), elements.clone(), light, old.active.clone(), transport, report))
+    Ok(solution(Arc::new(scene), elements, light, old.active.clone(), transport, report))
 }
 
 /// The column of a scene that has one group: all of its light.

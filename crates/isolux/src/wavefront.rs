@@ -12,8 +12,8 @@ use isolux_core::solution::{Flow, Light, Observer, Phase, Progress, Update};
 use isolux_core::tree::{ElementId, Elements};
 use isolux_core::units::Rgb;
 use isolux_wavefront::{
-    Bound, ClusterColumns, Control, Estimate, Given, LinkColumns, NO_GROUP, Outcome, Prepared, Request, Room, Solved, Stage,
-    light_of,
+    Bound, ClusterColumns, Control, Estimate, Given, LinkColumns, MEMORY, NO_GROUP, Outcome, Prepared, Request, Room,
+    Solved, Stage, light_of,
 };
 use rayon::prelude::*;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
@@ -219,7 +219,7 @@ fn work(scene: &Arc<Scene>, request: &Request, control: &Control) -> Finished {
     let numbered = start.elapsed().as_secs_f64();
     let start = Instant::now();
     let deadline = request.time.map(|seconds| begun + Duration::from_secs_f64(seconds));
-    let room = Room { memory: request.memory, deadline };
+    let room = Room { memory: Some(request.memory.unwrap_or(MEMORY)), deadline };
     let (columns, groups) = by_groups(scene, &solved, request.error, room, control);
     let grouped = start.elapsed().as_secs_f64();
     let (stages, estimate, bound) = (solved.stages, solved.estimate, solved.bound);
@@ -279,7 +279,8 @@ fn apart(elements: &Elements, light: &Light, fields: &[[[f32; 3]; 5]], leaves: &
     let (mut square, mut sum, mut whole) = (0.0, 0.0, 0.0);
     for (leaf, field) in elements.leaves().zip(leaves) {
         let area = elements.get(leaf).area;
-        let off = (0..15).map(|k| f64::from(field[k / 3][k % 3] - fields[leaf.index()][k / 3][k % 3]).powi(2)).sum::<f64>();
+        let off =
+            (0..15).map(|k| f64::from(field[k / 3][k % 3] - fields[leaf.index()][k / 3][k % 3]).powi(2)).sum::<f64>();
         square += area * off / 15.0;
         sum += area * light.irradiance(leaf).mean();
         whole += area;
@@ -409,12 +410,7 @@ impl Transported {
         self.columns.as_ref().map_or(Ok(()), |columns| self.check_columns(columns, scene, elements))
     }
 
-    fn check_columns(
-        &self,
-        columns: &Columns,
-        scene: &Scene,
-        elements: &Elements,
-    ) -> Result<(), TransportViolation> {
+    fn check_columns(&self, columns: &Columns, scene: &Scene, elements: &Elements) -> Result<(), TransportViolation> {
         let Columns { names, of, emission, fields } = columns;
         let polygons = scene.polygons.len();
         same_lengths(polygons, &[("groups/of", of.len()), ("groups/emission", emission.len())])?;
@@ -495,7 +491,10 @@ impl Transported {
             }
         }
         if let Some(index) = (0..whole.len()).find(|&index| whole[index] > 1 || whole[index] < proven[index]) {
-            return Err(wrong("links/whole", format!("{} of link {index} is not 1 or 0, or it is proven", whole[index])));
+            return Err(wrong(
+                "links/whole",
+                format!("{} of link {index} is not 1 or 0, or it is proven", whole[index]),
+            ));
         }
         let is_inside = |centre: &[f32; 2]| centre.iter().all(|along| (0.0..=1.0).contains(along));
         match centre.iter().position(|centre| !is_inside(centre)) {

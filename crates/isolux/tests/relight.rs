@@ -10,7 +10,10 @@ use common::{difference, draft, irradiances, lit_box, paper, points, scene, solv
 use isolux::core::scene::{Scene, SceneInput};
 use isolux::core::tree::ElementId;
 use isolux::core::units::Rgb;
-use isolux::{Changes, Columns, GroupedBy, MOST_GROUPS, RelightError, Settings, Solution, light_groups};
+use isolux::{
+    Changes, Columns, Data, GroupedBy, MOST_GROUPS, NO_GROUP, Record, RecordError, RelightError, Settings, Solution,
+    light_groups,
+};
 use isolux_wavefront::{Remains, Solved};
 use std::sync::Arc;
 
@@ -20,7 +23,7 @@ fn asked() -> Settings {
     Settings { error: ERROR, ..draft() }
 }
 
-/// A box with a block on its floor, the lamp below its ceiling, a red window in a wall and a small desk lamp.
+/// A box with a block on its floor, the lamp below its ceiling, a red window before a wall and a small desk lamp.
 fn room(lamp: f64, window: f64, desk: f64, reflectance: f64) -> SceneInput {
     let mut input = lit_box(reflectance);
     input.materials[1].surface.emission = Rgb::splat(10.0 * lamp);
@@ -29,7 +32,7 @@ fn room(lamp: f64, window: f64, desk: f64, reflectance: f64) -> SceneInput {
     let (object, mut red) = (input.object("window"), grey(0.0, 0.0));
     red.emission = Rgb([6.0, 2.0, 1.0]) * window;
     let glass = input.material("glass", red);
-    let x = 0.001;
+    let x = 0.3;
     input.face(object, glass, &[v(x, 0.3, 1.0), v(x, 0.3, 0.5), v(x, 0.7, 0.5), v(x, 0.7, 1.0)]);
     let (object, bulb) = (input.object("desk lamp"), input.material("bulb", grey(0.0, 40.0 * desk)));
     let (low, high, y) = (1.3, 1.4, 0.6);
@@ -89,8 +92,12 @@ fn too_many_lamps_are_grouped_by_material() {
         for index in 0..=MOST_GROUPS {
             let object = input.object(&format!("spot {index}"));
             let material = input.material(&format!("glow {}", index % materials), grey(0.0, 1.0));
-            let x = 0.05 * index as f64;
-            input.face(object, material, &[v(x, 0.5, 1.2), v(x + 0.02, 0.5, 1.2), v(x + 0.02, 0.5, 1.3), v(x, 0.5, 1.3)]);
+            let x = 0.05 + 0.05 * index as f64;
+            input.face(
+                object,
+                material,
+                &[v(x, 0.5, 1.2), v(x + 0.02, 0.5, 1.2), v(x + 0.02, 0.5, 1.3), v(x, 0.5, 1.3)],
+            );
         }
         scene(input)
     };
@@ -203,7 +210,8 @@ fn a_relit_solution_can_be_relit() {
         assert_eq!(back.report().error_estimate, solution.report().error_estimate);
         assert_eq!(back.hierarchy().light.radiosities(), solution.hierarchy().light.radiosities());
         // Pictures and answers are of the dimmed lamp.
-        let lamp = (0..solution.scene().polygons.len()).find(|&index| solution.scene().object_name(index as u32) == "lamp");
+        let lamp =
+            (0..solution.scene().polygons.len()).find(|&index| solution.scene().object_name(index as u32) == "lamp");
         let radiosity = |solution: &Solution| solution.hierarchy().light.radiosity(ElementId(lamp.unwrap() as u32))[0];
         assert!((radiosity(&half) / radiosity(&solution) - 0.5).abs() < 1e-9);
         assert!(half.mesh().irradiance.iter().all(|value| value.is_finite()));
@@ -302,10 +310,7 @@ fn what_makes_no_sense_is_refused() {
         assert!(error(&weights(&[("lamp", value)])).starts_with("weight of 'lamp' is"), "{value}");
     }
     let paint = |name: &str, value: f64| Changes { reflectance: vec![(name.into(), [value; 3])], ..Changes::default() };
-    assert_eq!(
-        error(&paint("oak", 0.5)),
-        "there is no material 'oak'; the scene has: paint, glow, glass, bulb"
-    );
+    assert_eq!(error(&paint("oak", 0.5)), "there is no material 'oak'; the scene has: paint, glow, glass, bulb");
     for value in [-0.1, 1.0, f64::NAN] {
         assert!(error(&paint("paint", value)).starts_with("reflectance of 'paint' is"), "{value}");
     }
@@ -317,4 +322,102 @@ fn what_makes_no_sense_is_refused() {
     let bounded = solved(&scene(room(1.0, 1.0, 1.0, 0.5)), &Settings { memory: Some(400_000), ..asked() });
     let refused = bounded.relight(&weights(&[("lamp", 0.5)])).unwrap_err().to_string();
     assert!(refused.contains("bound on memory"), "{refused}");
+}
+
+fn altered(solution: &Solution, change: impl FnOnce(&mut Record)) -> Result<Solution, RecordError> {
+    let mut record = solution.to_record();
+    change(&mut record);
+    Solution::from_record(record)
+}
+
+fn numbers<'a>(record: &'a mut Record, name: &str) -> &'a mut Data {
+    &mut record.arrays.iter_mut().find(|array| array.name == name).unwrap().data
+}
+
+/// Catches columns that are taken as they come: what is missing, has other groups or is no number is named.
+#[test]
+fn altered_columns_are_refused_by_name() {
+    let solution = lit();
+    for name in ["groups/of", "groups/emission", "groups/field", "links/whole"] {
+        let missing = altered(&solution, |record| record.arrays.retain(|array| array.name != name));
+        assert_eq!(missing.unwrap_err(), RecordError::Missing { name: name.into() });
+    }
+    let named = |result: Result<Solution, RecordError>| match result.unwrap_err() {
+        RecordError::Inconsistent { name, .. } | RecordError::Shape { name, .. } => name,
+        error => error.to_string(),
+    };
+    let of = altered(&solution, |record| match numbers(record, "groups/of") {
+        Data::U32(of) => of.iter_mut().filter(|of| **of != NO_GROUP).for_each(|of| *of = 3),
+        data => panic!("{data:?}"),
+    });
+    assert_eq!(named(of), "groups/of");
+    for (name, value) in [("groups/field", f32::NAN), ("links/whole", 2.0)] {
+        let result = altered(&solution, |record| match numbers(record, name) {
+            Data::F32(values) => values[7] = value,
+            Data::U8(values) => values[7] = value as u8,
+            data => panic!("{data:?}"),
+        });
+        assert_eq!(named(result), name);
+    }
+    let emission = altered(&solution, |record| match numbers(record, "groups/emission") {
+        Data::F64(values) => values[0] = 1.0,
+        data => panic!("{data:?}"),
+    });
+    assert_eq!(named(emission), "groups/emission");
+    let fewer = altered(&solution, |record| {
+        let names = "\"groups\":[\"lamp\",\"window\"";
+        assert!(record.attributes.contains(names));
+        record.attributes = record.attributes.replace(&format!("{names},\"desk lamp\"]"), &format!("{names}]"));
+    });
+    assert_eq!(named(fewer), "groups/of");
+}
+
+/// Catches files of the format before this one that no longer open, and that are relit from what they do not have; with one
+/// lamp all of the light is its own.
+#[test]
+fn files_of_the_format_before_open() {
+    let older = |solution: &Solution| {
+        let groups = solution.transport().unwrap().columns.is_some();
+        let back = altered(solution, |record| {
+            record.arrays.retain(|array| !array.name.starts_with("groups/") && array.name != "links/whole");
+            let mut attributes: serde_json::Value = serde_json::from_str(&record.attributes).unwrap();
+            let values = attributes.as_object_mut().unwrap();
+            values.insert("format".into(), 3.into());
+            values.retain(|name, _| name != "groups" && name != "limit");
+            values["report"].as_object_mut().unwrap().retain(|name, _| name != "groups" && name != "relit");
+            record.attributes = attributes.to_string();
+        });
+        (back.unwrap(), groups)
+    };
+    let (several, had_groups) = older(&lit());
+    several.check().unwrap();
+    assert!(had_groups && several.report().groups.is_none());
+    let refused = several.relight(&weights(&[("lamp", 0.5)])).unwrap_err();
+    assert!(matches!(refused, RelightError::Unprepared { .. }), "{refused}");
+    let (one, _) = older(&solved(&scene(lit_box(0.5)), &asked()));
+    let half = relit(&one, &[("lamp", 0.5)]);
+    let (half, whole) = (leaves(&half), leaves(&one));
+    let most = largest(&whole);
+    assert!(half.iter().zip(&whole).all(|(half, whole)| (2.0 * half - whole).abs() < 1e-6 * most));
+    let paint = Changes { reflectance: vec![("paint".into(), [0.2; 3])], ..Changes::default() };
+    assert!(matches!(one.relight(&paint).unwrap_err(), RelightError::Unprepared { .. }));
+}
+
+/// Catches one group by material, and several, that are not made when many objects share them.
+#[test]
+fn groups_by_material_can_be_dimmed() {
+    let mut input = lit_box(0.5);
+    let names = ["warm", "cold"];
+    let glows = names.map(|name| input.material(name, grey(0.0, 5.0)));
+    for index in 0..=MOST_GROUPS {
+        let object = input.object(&format!("spot {index}"));
+        let x = 0.05 + 0.05 * index as f64;
+        let corners = [v(x, 0.5, 1.2), v(x + 0.02, 0.5, 1.2), v(x + 0.02, 0.5, 1.3), v(x, 0.5, 1.3)];
+        input.face(object, glows[index % 2], &corners);
+    }
+    let solution = solved(&scene(input), &draft());
+    assert_eq!(solution.report().groups.as_ref().unwrap().by, GroupedBy::Material);
+    let cold = relit(&solution, &[("warm", 0.0), ("glow", 0.0)]);
+    let most = largest(&leaves(&cold));
+    assert!(0.0 < most && most < largest(&leaves(&solution)));
 }

@@ -13,6 +13,7 @@ use crate::control::{Control, ELEMENT, LINK};
 use crate::evaluate::Evaluator;
 use crate::field::{to_corners, to_samples};
 use crate::geometry::{Element, NONE};
+use crate::leaves::is_smooth;
 use crate::light::{Bands, Field, Light, limited, mean, quarter, quarter_of, rms};
 use crate::link::{CLUSTER, Link, State};
 use crate::rounds::Transport;
@@ -62,6 +63,9 @@ pub struct Room {
 const PASS_SHARE: f64 = 0.05;
 const SETTLE_SHARE: f64 = 0.2;
 
+/// How much more may be left before the first gather at the leaves, which changes more than that.
+const ROUGH: f64 = 10.0;
+
 /// Most gathers over links between two at the leaves, and most of the latter, as for the light of all groups.
 const MOST_PASSES: u32 = 100;
 const MOST_SETTLES: u32 = 5;
@@ -108,8 +112,9 @@ impl Solved {
             let range = batch[0]..batch[0] + batch.len();
             let part = match batch.len() {
                 0..=2 => frame.solve::<6>(group_of, range, error, &watch),
-                3..=4 => frame.solve::<12>(group_of, range, error, &watch),
-                5..=8 => frame.solve::<24>(group_of, range, error, &watch),
+                3 => frame.solve::<9>(group_of, range, error, &watch),
+                4..=5 => frame.solve::<15>(group_of, range, error, &watch),
+                6..=8 => frame.solve::<24>(group_of, range, error, &watch),
                 _ => frame.solve::<48>(group_of, range, error, &watch),
             }?;
             columns.fields.extend(part.fields);
@@ -256,9 +261,9 @@ impl<'a> Frame<'a> {
         let mut slot_of = vec![0; elements.len()];
         element_of.iter().enumerate().for_each(|(slot, &index)| slot_of[index as usize] = slot as u32);
         let mut levels: Vec<Range<usize>> = Vec::new();
-        for level in element_of.chunk_by(|&a, &b| {
-            elements[a as usize].path.depth() == elements[b as usize].path.depth()
-        }) {
+        for level in
+            element_of.chunk_by(|&a, &b| elements[a as usize].path.depth() == elements[b as usize].path.depth())
+        {
             let start = levels.last().map_or(0, |level| level.end);
             levels.push(start..start + level.len());
         }
@@ -370,9 +375,10 @@ impl<'a> Frame<'a> {
         let mut values = self.values(emission);
         self.guess(&mut values);
         let mut beyond = Beyond::Ratio(self.ratios());
-        let mut passes = [0; 2];
+        let (mut passes, mut last, mut precise) = ([0; 2], f64::INFINITY, ROUGH * PASS_SHARE * error);
         loop {
-            passes[0] += self.converge(&mut values, &beyond, groups.len(), PASS_SHARE * error, watch)?;
+            passes[0] += self.converge(&mut values, &beyond, groups.len(), precise, watch)?;
+            precise = PASS_SHARE * error;
             let before = values.radiosity.clone();
             let leaves = self.gather_leaves(&values);
             watch.look()?;
@@ -391,9 +397,12 @@ impl<'a> Frame<'a> {
             beyond = Beyond::Found(found);
             self.pull(&mut values);
             passes[1] += 1;
-            if passes[1] >= MOST_SETTLES || self.change(&values, &before, groups.len()) < SETTLE_SHARE * error {
+            let change = self.change(&values, &before, groups.len());
+            let ratio = if last.is_finite() { (change / last).min(0.9) } else { 0.5 };
+            if passes[1] >= MOST_SETTLES || change * ratio / (1.0 - ratio) < SETTLE_SHARE * error {
                 break;
             }
+            last = change;
             watch.look()?;
         }
         let leaves: Vec<u32> = (0..self.slot_of.len())
@@ -542,8 +551,7 @@ impl<'a> Frame<'a> {
         let towards = self.evaluator.ball(link.receiver).0 - from;
         let harmonics = evaluate(towards.normalize_or(Vec3::X).to_array());
         let all = &self.light.intensity[index];
-        let taken: Lane<C> =
-            spread(kept(|band| (0..9).map(|k| harmonics[k] * all[k][band]).sum::<f32>() > 0.0));
+        let taken: Lane<C> = spread(kept(|band| (0..9).map(|k| harmonics[k] * all[k][band]).sum::<f32>() > 0.0));
         let mut value = [0.0; C];
         (0..9).for_each(|k| add(&mut value, harmonics[k], &values.intensity[index][k]));
         std::array::from_fn(|c| value[c] * taken[c])
@@ -724,7 +732,8 @@ impl<'a> Frame<'a> {
         let parts: Vec<Vec<(u32, Wide<C>)>> = receivers
             .par_iter()
             .map(|&polygon| {
-                let mut descent = Descent { frame: self, values, seen: Vec::new(), lanes: Vec::new(), leaves: Vec::new() };
+                let mut descent =
+                    Descent { frame: self, values, seen: Vec::new(), lanes: Vec::new(), leaves: Vec::new() };
                 descent.descend(polygon, base[polygon as usize]);
                 descent.leaves
             })
@@ -760,7 +769,7 @@ impl<const C: usize> Descent<'_, C> {
         let slot = frame.slot_of[node as usize];
         for link in frame.row(&frame.rows[slot as usize]) {
             let value = frame.value(self.values, link);
-            if link.source & CLUSTER != 0 {
+            if link.source & CLUSTER != 0 || is_smooth(link, element, frame.limit, frame.light, evaluator) {
                 let factors = to_corners(&link.factors, element.count);
                 (0..5).for_each(|k| add(&mut field[k], factors[k], &value));
                 continue;
@@ -837,8 +846,7 @@ impl<const C: usize> Descent<'_, C> {
     fn is_uneven(&self, leaf: &Element, source: &Element, factors: &[f32; 5], deviation: [f32; 2]) -> bool {
         let most = factors.iter().fold(0.0_f32, |most, &factor| most.max(factor)) * (deviation[0] + deviation[1]);
         let reach = 2.0 * (leaf.radius() + source.radius());
-        leaf.area * most * most > self.frame.limit
-            && leaf.centre().distance_squared(source.centre()) < reach * reach
+        leaf.area * most * most > self.frame.limit && leaf.centre().distance_squared(source.centre()) < reach * reach
     }
 
     /// Adds the quarters of a source that has none, with what its field says of them. `all`: radiosity of all groups.

@@ -45,5 +45,5 @@ pub use final_gather::FinalGather;
 pub use groups::{Columns, Given, NO_GROUP, Room};
 pub use outcome::{ClusterColumns, LinkColumns, Outcome, irradiance_at, irradiance_in, light_of};
 pub use reopen::Remains;
-pub use solve::{Estimate, Prepared, Request, Solved, Stage};
+pub use solve::{Estimate, MEMORY, Prepared, Request, Solved, Stage};
 pub use tracer::{Meeting, Tracer};

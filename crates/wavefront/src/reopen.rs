@@ -7,7 +7,7 @@ use crate::light::Light;
 use crate::link::{CLUSTER, Link, State};
 use crate::outcome::{ClusterColumns, LinkColumns};
 use crate::rounds::{Limit, Transport};
-use crate::solve::{Solved, settle};
+use crate::solve::{MOST_SETTLES, Solved, settle};
 use glam::{DVec3, Vec3};
 use isolux_core::scene::Scene;
 use isolux_core::tree::Elements;
@@ -77,7 +77,7 @@ impl Solved {
         light.settle(&transport.links, remains.limit, &transport.evaluator());
         // A leaf's limit is a quarter of a link's, see `settle`.
         let limit = Limit { error: 4.0 * remains.limit, area: 0.0 };
-        settle(&mut light, &transport, limit, scene.area(), error);
+        settle(&mut light, &transport, limit, scene.area(), error, MOST_SETTLES);
         Solved { geometry, transport, light, stages: Vec::new(), estimate: None, bound: None, limit: remains.limit }
     }
 }

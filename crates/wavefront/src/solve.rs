@@ -99,7 +99,7 @@ const PASS_SHARE: f64 = 0.05;
 const SETTLE_SHARE: f64 = 0.2;
 
 /// Most gathers at the leaves in a stage: each leaves about a tenth of the change before.
-const MOST_SETTLES: u32 = 5;
+pub(crate) const MOST_SETTLES: u32 = 5;
 
 /// What links say they leave may be this much above the asked error where rays find that it is reached.
 const SLACK: f64 = 2.5;
@@ -116,7 +116,7 @@ const VAIN: u32 = 3;
 const WORTH: f64 = 0.1;
 
 /// Bytes at which refinement ends where nothing else was asked for.
-const MEMORY: u64 = 4 << 30;
+pub const MEMORY: u64 = 4 << 30;
 
 /// How much longer than the gathers of the stage before a stage may take: elements grow by the square of what the error falls.
 const GROWTH: f64 = 2.5;
@@ -268,7 +268,14 @@ fn leaf_limit(limit: Limit) -> f32 {
 }
 
 /// Gathers over the links and at the leaves by turns until neither changes much, or so many times; the numbers of both.
-pub(crate) fn settle(light: &mut Light, transport: &Transport, limit: Limit, area: f64, error: f64, most: u32) -> [u32; 2] {
+pub(crate) fn settle(
+    light: &mut Light,
+    transport: &Transport,
+    limit: Limit,
+    area: f64,
+    error: f64,
+    most: u32,
+) -> [u32; 2] {
     let (mut passes, mut settles) = (0, 0);
     loop {
         passes += converge(light, transport, PASS_SHARE * error);
