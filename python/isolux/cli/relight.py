@@ -1,4 +1,4 @@
-"""``isolux relight``: a solution with its lights dimmed, or its surfaces repainted, becomes another solution."""
+"""``isolux relight``: a solution whose lights are dimmed, or surfaces repainted, becomes another."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ def relight(
         typer.Option(
             "--set",
             metavar="NAME=W",
-            help="Factor on a light group's emission, one number or red,green,blue; groups that are not named "
-            "get 1, as they were solved. May be repeated.",
+            help="Factor on a light group's emission, one number or red,green,blue; groups that are not "
+            "named get 1, as they were solved. May be repeated.",
         ),
     ] = None,
     reflectance: Annotated[
@@ -74,7 +74,11 @@ def relight(
         relit.save(out)
         values = {"output": str(out), "report": relit.report.to_dict()}
         if not write_json(json, values):
-            show(tables.relit(relit.report, str(out)), "", tables.light_groups(relit.light_groups, relit.scene.unit))
+            show(
+                tables.relit(relit.report, str(out)),
+                "",
+                tables.light_groups(relit.light_groups, relit.scene.unit),
+            )
     return 0
 
 
