@@ -94,7 +94,7 @@ def test_a_relit_solution_is_a_solution(both, tmp_path):
 
 
 def test_other_reflectances_are_those_of_another_scene(both):
-    """Catches a gather with the old reflectances, and an estimate that is told of as if it had been measured."""
+    """Catches a gather with the old reflectances, and an estimate told of as if it were measured."""
     dark = both.relight({"left": 0.5}, reflectance={"oak floor": (0.1, 0.2, 0.05)})
     report = dark.report
     assert report.relit.carried_over

@@ -134,7 +134,6 @@ fn columns_add_up() {
     assert!(largest(&off) <= 1e-6 * largest(&total), "{}", largest(&off));
     let report = solution.report();
     let groups = report.groups.as_ref().unwrap();
-    println!("apart {} passes {:?}", groups.apart, groups.passes);
     assert!(groups.apart < 0.2 * ERROR && groups.lacking.is_none(), "{groups:?}");
     assert!(report.error_estimate.unwrap().total <= ERROR);
     assert_eq!(groups.bytes as usize, 3 * total.len() * 4);
@@ -165,14 +164,12 @@ fn a_column_is_what_the_same_links_give_for_its_group() {
     let solution = lit();
     let anew = regathered(&solution, solution.scene());
     let off = apart(&solution, &leaves(&solution), &anew);
-    println!("all {off}");
     assert!(off < 0.2 * ERROR, "{off}");
     for (on, given) in [("lamp", [1.0, 0.0, 0.0]), ("window", [0.0, 1.0, 0.0]), ("desk lamp", [0.0, 0.0, 1.0])] {
         let alone = scene(room(given[0], given[1], given[2], 0.5));
         let others: Vec<(&str, f64)> =
             ["lamp", "window", "desk lamp"].into_iter().filter(|&name| name != on).map(|name| (name, 0.0)).collect();
         let off = apart(&solution, &regathered(&solution, &alone), &leaves(&relit(&solution, &others)));
-        println!("{on} {off}");
         assert!(off < ERROR, "{on}: {off}");
     }
 }
@@ -257,7 +254,6 @@ fn a_mix_is_what_a_solve_of_the_dimmed_scene_gives() {
         let anew = solved(&scene(room(lamp, window, desk, 0.5)), &asked());
         let off = difference(&irradiances(&anew, &at), &irradiances(&mix, &at));
         let estimate = mix.report().error_estimate.unwrap();
-        println!("{lamp} {window} {desk}: {off} {estimate:?}");
         assert!(off <= 2.0 * ERROR, "{off}");
         assert!(off <= estimate.total + anew.report().error_estimate.unwrap().total, "{off} {estimate:?}");
         assert!(estimate.dark.is_none());
@@ -279,7 +275,6 @@ fn other_reflectances_are_gathered_over_the_same_links() {
         repainted.check().unwrap();
         let anew = solved(&scene(room(1.0, 1.0, 1.0, value)), &asked());
         let off = difference(&irradiances(&anew, &at), &irradiances(&repainted, &at));
-        println!("{value}: {off}");
         assert!(off <= 2.0 * ERROR, "{value}: {off}");
         let told = repainted.report().relit.as_ref().unwrap();
         assert_eq!((told.reflectance[0].material.as_str(), told.reflectance[0].reflectance[0]), ("paint", value));
