@@ -44,6 +44,11 @@ def saved(both, tmp_path_factory):
     return path
 
 
+@pytest.fixture(scope="module")
+def sequential() -> isolux.Solution:
+    return isolux.solve(lamp(), error=0.3, schedule="sequential")
+
+
 def light(solution: isolux.Solution) -> np.ndarray:
     faces = np.repeat(np.arange(12), 3)
     inner = np.tile([[0.6, 0.2, 0.2], [0.2, 0.6, 0.2], [0.2, 0.2, 0.6]], (12, 1))
@@ -107,7 +112,7 @@ def test_other_reflectances_are_those_of_another_scene(both):
     assert dark.matches(both.scene)
 
 
-def test_what_makes_no_sense_is_named(both, lit):
+def test_what_makes_no_sense_is_named(both, sequential):
     """Catches errors that do not say what exists."""
     with pytest.raises(RelightError, match=r"no light group 'lmap'; the solution has: left, ceiling"):
         both.relight({"lmap": 1.0})
@@ -122,7 +127,7 @@ def test_what_makes_no_sense_is_named(both, lit):
     with pytest.raises(RelightError, match=r"reflectance of 'paint' is 1"):
         both.relight(reflectance={"paint": 1.0})
     with pytest.raises(NotRelightableError, match=r"schedule 'sequential' cannot be relit"):
-        lit.relight({"ceiling": 0.5})
+        sequential.relight({"ceiling": 0.5})
 
 
 def test_one_lamp_keeps_nothing_twice(tmp_path):
@@ -154,9 +159,10 @@ def test_the_command_relights(isolux_command, both, saved, tmp_path):
     assert "carried over" in table.stdout
 
 
-def test_the_command_refuses(isolux_command, solution_file, scene_file, saved, tmp_path):
+def test_the_command_refuses(isolux_command, sequential, scene_file, saved, tmp_path):
     """Catches codes and messages that do not say whose fault it is; nothing is written."""
     out = tmp_path / "none.isolux"
+    sequential.save(tmp_path / "sequential.isolux")
 
     def refused(code, *arguments):
         done = isolux_command("relight", *arguments, "-o", out)
@@ -170,7 +176,9 @@ def test_the_command_refuses(isolux_command, solution_file, scene_file, saved, t
         assert f"'{text}' is neither" in refused(2, saved, "--set", text)
     assert "given twice" in refused(2, saved, "--set", "left=1", "--set", "left=0")
     assert "weight of 'left' is -1" in refused(2, saved, "--set", "left=-1")
-    assert "schedule 'sequential' cannot be relit" in refused(3, solution_file, "--set", "ceiling=0")
+    assert "schedule 'sequential' cannot be relit" in refused(
+        3, tmp_path / "sequential.isolux", "--set", "ceiling=0"
+    )
     assert "solved for another scene than" in refused(3, saved, "--scene", scene_file)
 
 

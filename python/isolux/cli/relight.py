@@ -21,7 +21,7 @@ __all__ = ["relight"]
 
 def relight(
     solution: Annotated[
-        Path, typer.Argument(metavar="SOLUTION", help="What isolux solve --schedule wavefront wrote.")
+        Path, typer.Argument(metavar="SOLUTION", help="What isolux solve wrote (schedule wavefront).")
     ],
     out: Annotated[
         Path, typer.Option("-o", "--output", metavar="FILE", help="The solution as it is lit now.")
