@@ -340,7 +340,11 @@ fn decide(
     for (slot, link) in links.into_iter().enumerate() {
         let Some(mut link) = link else { continue };
         loop {
-            match verdict(&link, evaluator, light, limit.error, limit.area) {
+            let verdict = verdict(&link, evaluator, light, limit.error, limit.area);
+            if verdict != Verdict::Keep && link.state.is(State::DARK) && is_blocked(&link, evaluator) {
+                break;
+            }
+            match verdict {
                 Verdict::Keep if link.state.is(State::DARK) => outcome.dark.push(link),
                 Verdict::Keep => outcome.kept.push(link),
                 Verdict::SplitReceiver => split[slot] = Some((link.receiver, link)),
@@ -389,18 +393,37 @@ fn decide(
     }
 }
 
+/// Corners of an element, how many, and the plane of its polygon.
+fn outline(element: &Element, geometry: &Geometry) -> ([[f32; 3]; 4], usize, [f32; 4]) {
+    let surface = &geometry.surfaces[element.polygon as usize];
+    let [x, y, z] = surface.normal.to_array();
+    (element.corners.map(|corner| corner.to_array()), element.count as usize, [x, y, z, surface.offset])
+}
+
+/// Is it proven that one surface hides two elements from each other?
+fn is_blocked(link: &Link, evaluator: &Evaluator<'_>) -> bool {
+    if (link.receiver | link.source) & CLUSTER != 0 {
+        return false;
+    }
+    let geometry = evaluator.geometry;
+    let [x, y] = [link.receiver, link.source].map(|node| &evaluator.elements[node as usize]);
+    let (from, to) = (x.centre(), y.centre());
+    let hit = geometry.bvh.closest(geometry.backend, from.to_array(), (to - from).to_array(), 0.0, 1.0);
+    let ((a, m, _), (b, n, _)) = (outline(x, geometry), outline(y, geometry));
+    hit.is_some_and(|hit| {
+        let surface = &geometry.scene.polygons[geometry.polygon_of[hit.primitive as usize] as usize];
+        let opaque = surface.mask.is_none() && surface.opacity >= 1.0;
+        opaque && geometry.bvh.blocks_all(geometry.backend, hit.primitive, &a[..m], &b[..n], geometry.tolerance)
+    })
+}
+
 /// Is it proven that nothing lies between two elements?
 fn is_clear(link: &Link, evaluator: &Evaluator<'_>) -> bool {
     let geometry = evaluator.geometry;
     if link.state.visibility < 255 || (link.receiver | link.source) & CLUSTER != 0 {
         return false;
     }
-    let outline = |node: u32| {
-        let element = &evaluator.elements[node as usize];
-        let surface = &geometry.surfaces[element.polygon as usize];
-        let [x, y, z] = surface.normal.to_array();
-        (element.corners.map(|corner| corner.to_array()), element.count as usize, [x, y, z, surface.offset])
-    };
-    let ((a, m, plane_a), (b, n, plane_b)) = (outline(link.receiver), outline(link.source));
+    let [x, y] = [link.receiver, link.source].map(|node| &evaluator.elements[node as usize]);
+    let ((a, m, plane_a), (b, n, plane_b)) = (outline(x, geometry), outline(y, geometry));
     geometry.bvh.clear_between(geometry.backend, &a[..m], &b[..n], plane_a, plane_b, geometry.tolerance, SHAFT_BUDGET)
 }
