@@ -36,6 +36,8 @@ SCENES = ROOT / "scenes"
 REFERENCES = Path(__file__).resolve().parent / "references"
 #: Bytes per component and NumPy's letter, by glTF's number of a component type (glTF 2.0, section 3.6.2.2).
 COMPONENTS = {5121: "<u1", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+#: Distance before a front at which a place is looked up in a scene's `black`, metres (scenes/leaks/make.py).
+BEFORE = 1e-3
 #: Threads of libraries that would otherwise start one per core beside those that are asked for.
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 
@@ -158,6 +160,15 @@ class Reference:
     irradiance: Floats
     error: Floats
 
+    @property
+    def unlit(self) -> NDArray[np.bool_]:
+        """Points that see nothing (n,): exactly 0, without any noise."""
+        return np.asarray(((self.irradiance == 0) & (self.error == 0)).all(axis=1))
+
+    def only(self, points: NDArray[np.bool_]) -> Reference:
+        """The reference at some of its points."""
+        return Reference(self.face[points], self.bary[points], self.irradiance[points], self.error[points])
+
 
 @dataclass(frozen=True)
 class Case:
@@ -176,6 +187,24 @@ class Case:
             return
         with tempfile.TemporaryDirectory() as folder:
             yield generated(self.name, Path(folder))
+
+    def counted(self, reference: Reference) -> NDArray[np.bool_]:
+        """Points (n,) that count: all but those that something covers.
+
+        Light reaches no point at exactly 0. It is dark, and counts, if it looks into a space that the scene's
+        JSON lists as `black` (scenes/leaks); otherwise something lies on it, and no light is asked for there.
+        """
+        unlit = reference.unlit
+        record = self.scene.with_suffix(".json") if self.scene is not None else None
+        spaces = []
+        if unlit.any() and record is not None and record.exists():
+            spaces = json.loads(record.read_text(encoding="utf-8")).get("black", [])
+        if not spaces or self.scene is None:
+            return np.asarray(~unlit)
+        surfaces = read_glb(self.scene)
+        place = surfaces.at(reference.face, reference.bary) + BEFORE * surfaces.normals[reference.face]
+        dark = [((place > low) & (place < high)).all(axis=1) for low, high in spaces]
+        return np.asarray(~unlit | np.any(dark, axis=0))
 
     def load(self) -> Reference:
         """The stored reference."""
@@ -234,7 +263,7 @@ def scores(reference: Reference, irradiance: Floats) -> dict[str, float]:
     mean = float(reference.irradiance.mean())
     brightness = reference.irradiance.mean(axis=1)
     dark = np.asarray(brightness <= np.median(brightness))
-    black = np.asarray(((reference.irradiance == 0) & (reference.error == 0)).all(axis=1))
+    black = reference.unlit
     return {
         "rms": _rms(d, reference.error, mean),
         "dark": _rms(d[dark], reference.error[dark], float(reference.irradiance[dark].mean())),
