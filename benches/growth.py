@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
 """How the cost of a solve grows with the scene: sizes in, seconds and memory with their exponent out.
 
-    python benches/growth.py [--scene objects city] [--triangles 1000 3000 ...] [--error 0.1] [--schedule wavefront]
-                             [--time SECONDS] [--threads 2] [--timeout 600] [--python PYTHON] [--csv FILE] [--json FILE]
+    python benches/growth.py [--scene objects city] [--triangles 1000 3000 ...] [--error 0.1]
+                             [--schedule wavefront] [--time SECONDS] [--threads 2] [--timeout 600]
+                             [--python PYTHON] [--csv FILE] [--json FILE]
 
 The scenes are those of scenes/large.py, made anew for each size. Each line is a process of its own; after
 one that fails or takes longer than the time-out, larger sizes of that scene are left out. The exponent is the

@@ -89,6 +89,19 @@ class Surfaces:
         moved = share * size * self.normals[:, None] * np.array(backed)[:, None, None]
         return np.asarray(self.triangles + moved)
 
+    def is_free(self, place: Floats, direction: Floats) -> NDArray[np.bool_]:
+        """Whether places (n,) of a closed scene lie in no solid: rays meet more fronts than backs."""
+        level = np.einsum("ix,ix->i", self.normals, self.triangles[:, 0])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            distance = (level - place @ self.normals.T) / (direction @ self.normals.T)
+            hit = place[:, None] + distance[..., None] * direction[:, None]
+            met = distance > 0
+            for k in range(3):
+                corner, side = self.triangles[:, k], self.triangles[:, (k + 1) % 3] - self.triangles[:, k]
+                met &= np.einsum("nix,ix->ni", hit - corner, np.cross(self.normals, side)) >= 0
+        turned = np.sign(direction @ self.normals.T)
+        return np.asarray(np.where(met, turned, 0.0).sum(axis=1) < 0)
+
     def _cross(self) -> Floats:
         a, b, c = self.triangles.transpose(1, 0, 2)
         return np.asarray(np.cross(b - a, c - a))
@@ -191,8 +204,9 @@ class Case:
     def counted(self, reference: Reference) -> NDArray[np.bool_]:
         """Points (n,) that count: all but those that something covers.
 
-        Light reaches no point at exactly 0. It is dark, and counts, if it looks into a space that the scene's
-        JSON lists as `black` (scenes/leaks); otherwise something lies on it, and no light is asked for there.
+        Light reaches no point at exactly 0. It counts, as a dark place, if it looks into a space that the
+        scene's JSON lists as `black` (scenes/leaks) and that is not the inside of something solid; something
+        lies on all others.
         """
         unlit = reference.unlit
         record = self.scene.with_suffix(".json") if self.scene is not None else None
@@ -202,9 +216,12 @@ class Case:
         if not spaces or self.scene is None:
             return np.asarray(~unlit)
         surfaces = read_glb(self.scene)
-        place = surfaces.at(reference.face, reference.bary) + BEFORE * surfaces.normals[reference.face]
-        dark = [((place > low) & (place < high)).all(axis=1) for low, high in spaces]
-        return np.asarray(~unlit | np.any(dark, axis=0))
+        normal = surfaces.normals[reference.face]
+        place = surfaces.at(reference.face, reference.bary) + BEFORE * normal
+        inside = np.any([((place > low) & (place < high)).all(axis=1) for low, high in spaces], axis=0)
+        dark = np.asarray(unlit & inside, dtype=bool)
+        dark[dark] = surfaces.is_free(place[dark], normal[dark])
+        return np.asarray(~unlit | dark)
 
     def load(self) -> Reference:
         """The stored reference."""

@@ -2,8 +2,9 @@
 
     python solve_once.py SCENE.glb ERROR THREADS [POINTS.npz OUT.npy] [--schedule NAME] [--time SECONDS]
 
-With POINTS (`face`, `bary`) the irradiance there goes to OUT. Without --schedule the package's default solves. Other scripts run this file with the
-interpreter that is measured; like a user's script it imports NumPy and isolux, and next to nothing else.
+With POINTS (`face`, `bary`) the irradiance there goes to OUT. Without --schedule the package's default
+solves. Other scripts run this file with the interpreter that is measured; like a user's script it imports
+NumPy and isolux, and next to nothing else.
 """
 
 from __future__ import annotations
