@@ -211,7 +211,12 @@ def measure(
             return {**row, "note": run.failure}
         values, reference = np.load(out), case.load()
     found = np.isfinite(values).all(axis=1) & case.counted(reference)
-    return {**row, **harness.scores(reference.only(found), values[found]), "points": int(found.sum()), **run.result}
+    return {
+        **row,
+        **harness.scores(reference.only(found), values[found]),
+        "points": int(found.sum()),
+        **run.result,
+    }
 
 
 def seconds_to(error: float, rows: list[dict[str, Any]]) -> str:
