@@ -16,7 +16,9 @@ __all__ = [
     "IsoluxError",
     "MissingExtraError",
     "NoLightError",
+    "NotRelightableError",
     "ReadError",
+    "RelightError",
     "RenderError",
     "SceneError",
     "SettingsError",
@@ -56,6 +58,14 @@ class UsageError(IsoluxError, ValueError):
 
 class SolutionFileError(IsoluxError):
     """A solution file is missing, damaged, or contradicts itself."""
+
+
+class RelightError(IsoluxError, ValueError):
+    """A light group or material that does not exist, or a weight or reflectance that makes no sense."""
+
+
+class NotRelightableError(RelightError):
+    """The solution has no light by groups: another schedule, an older file, or a solve that a bound ended."""
 
 
 class WriteError(IsoluxError):

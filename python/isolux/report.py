@@ -16,15 +16,20 @@ __all__ = [
     "Counts",
     "Energy",
     "ErrorEstimate",
+    "GroupReport",
+    "GroupsReport",
     "Issue",
     "IterationReport",
     "LinkReport",
     "PhaseReport",
+    "ReflectanceReport",
+    "RelitReport",
     "Report",
     "RowSum",
     "StageReport",
     "Status",
     "Unit",
+    "WeightReport",
 ]
 
 #: Linear red, green, blue.
@@ -161,6 +166,76 @@ class Counts:
 
 
 @dataclasses.dataclass(frozen=True)
+class GroupReport:
+    """A light group as it was solved."""
+
+    name: str
+    #: One-sided polygons that emit.
+    polygons: int
+    #: Their area, m².
+    area: float
+    #: Emitted power per band, in the report's unit.
+    power: Bands
+
+
+@dataclasses.dataclass(frozen=True)
+class GroupsReport:
+    """Light groups of a solve, and whether its light is kept by them."""
+
+    #: What the groups are made of; ``"material"`` where more than 32 objects emit, ``"all"`` where that
+    #: many materials do, too.
+    by: Literal["object", "material", "all"]
+    groups: tuple[GroupReport, ...]
+    #: Why the light is not kept by groups; None where it is, or where there is one group alone.
+    lacking: str | None
+    #: Gathers over all links, and at the leaves' own points, that the groups' light took.
+    passes: tuple[int, int]
+    #: Bytes of the groups' light in memory, and in a file before compression.
+    bytes: int
+    #: RMS difference between the sum of the groups' light, which is the solution, and the light that rays
+    #: checked, relative to the mean irradiance; part of the error estimate.
+    apart: float
+
+
+@dataclasses.dataclass(frozen=True)
+class WeightReport:
+    """Weight of a light group."""
+
+    group: str
+    #: Factor on its emission per band.
+    weight: Bands
+
+
+@dataclasses.dataclass(frozen=True)
+class ReflectanceReport:
+    """Reflectance that a material was given."""
+
+    material: str
+    reflectance: Bands
+
+
+@dataclasses.dataclass(frozen=True)
+class RelitReport:
+    """What a relit solution was made of."""
+
+    #: Hash of the scene that was solved.
+    scene_hash: str
+    #: Mean irradiance with all weights 1, W/m² or lm/m².
+    mean_irradiance: Bands
+    #: Error estimate of the solve. With other reflectances it is carried over: links were refined for the old
+    #: ones, and nothing was measured since.
+    error_estimate: ErrorEstimate | None
+    weights: tuple[WeightReport, ...]
+    #: Materials that were given other reflectances.
+    reflectance: tuple[ReflectanceReport, ...]
+
+    @property
+    def carried_over(self) -> bool:
+        """Whether the estimate was made for other reflectances."""
+        return bool(self.reflectance)
+
+
+@dataclasses.dataclass(frozen=True)
 class Report:
     """Everything a solve tells of itself.
 
@@ -221,6 +296,10 @@ class Report:
     peak_memory: int
     #: What was found in the scene.
     issues: tuple[Issue, ...]
+    #: Light groups (``"wavefront"``; None in older files).
+    groups: GroupsReport | None = None
+    #: How the solution was relit; None where it is as it was solved.
+    relit: RelitReport | None = None
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Report:
@@ -251,6 +330,10 @@ class Report:
             values["row_sum"] = RowSum(**values["row_sum"])
         values["phases"] = tuple(PhaseReport(**entry) for entry in values["phases"])
         values["issues"] = tuple(Issue(**entry) for entry in values["issues"])
+        if values.get("groups") is not None:
+            values["groups"] = _groups(values["groups"])
+        if values.get("relit") is not None:
+            values["relit"] = _relit(values["relit"])
         return cls(**values)
 
     def to_dict(self) -> dict[str, Any]:
@@ -268,6 +351,26 @@ class Report:
 def _bands(values: Any) -> Bands:  # noqa: ANN401
     red, green, blue = values
     return float(red), float(green), float(blue)
+
+
+def _groups(values: Mapping[str, Any]) -> GroupsReport:
+    groups = tuple(GroupReport(**{**entry, "power": _bands(entry["power"])}) for entry in values["groups"])
+    passes, settles = values["passes"]
+    return GroupsReport(**{**values, "groups": groups, "passes": (passes, settles)})
+
+
+def _relit(values: Mapping[str, Any]) -> RelitReport:
+    estimate = values["error_estimate"]
+    return RelitReport(
+        scene_hash=values["scene_hash"],
+        mean_irradiance=_bands(values["mean_irradiance"]),
+        error_estimate=None if estimate is None else ErrorEstimate(**estimate),
+        weights=tuple(WeightReport(entry["group"], _bands(entry["weight"])) for entry in values["weights"]),
+        reflectance=tuple(
+            ReflectanceReport(entry["material"], _bands(entry["reflectance"]))
+            for entry in values["reflectance"]
+        ),
+    )
 
 
 def _number(value: float | None) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Light", "Material", "Polygons", "Scene", "load"]
+__all__ = ["Light", "LightGroup", "Material", "Polygons", "Scene", "load"]
 
 #: What the extension reads itself; other suffixes are left to trimesh.
 OWN_SUFFIXES = (".glb", ".gltf", ".obj")
@@ -82,6 +82,28 @@ class Light:
     @property
     def total(self) -> float:
         """Emitted power over all bands, see `total_power`."""
+        return total_power(self.power, self.unit)
+
+
+@dataclasses.dataclass(frozen=True)
+class LightGroup:
+    """Emitters that are dimmed together, see `Solution.relight`."""
+
+    #: Name, unique within a scene: that of the object, of the material where more than 32 objects emit.
+    name: str
+    #: One-sided polygons that emit.
+    polygons: int
+    #: Their area, m².
+    area: float
+    #: Emitted power per band as it was solved, in `unit`.
+    power: Bands
+    #: Factor on the emission per band.
+    weight: Bands = (1.0, 1.0, 1.0)
+    unit: Unit = "lm"
+
+    @property
+    def total(self) -> float:
+        """Emitted power over all bands as it was solved, see `total_power`."""
         return total_power(self.power, self.unit)
 
 
@@ -268,6 +290,18 @@ class Scene:
     def lights(self) -> list[Light]:
         """Objects that emit, by material, in file order."""
         return [Light(*entry, self.unit) for entry in self._inner.lights]
+
+    @property
+    def light_groups(self) -> list[LightGroup]:
+        """Emitters that a solution can dim: by object; more than 32 objects by material; beyond that, all."""
+        _, groups = self._inner.light_groups
+        return [LightGroup(*entry, unit=self.unit) for entry in groups]
+
+    @property
+    def grouped_by(self) -> Literal["object", "material", "all"]:
+        """What `light_groups` are made of."""
+        by, _ = self._inner.light_groups
+        return by
 
     @property
     def polygons(self) -> Polygons:

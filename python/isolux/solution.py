@@ -13,9 +13,9 @@ import numpy as np
 
 from isolux import _isolux
 from isolux._arrays import floats, integers
-from isolux.exceptions import Cancelled, RenderError, SettingsError
+from isolux.exceptions import Cancelled, RelightError, RenderError, SettingsError
 from isolux.report import Report
-from isolux.scene import Scene
+from isolux.scene import LightGroup, Scene
 from isolux.settings import Quality, Schedule, Settings
 
 if TYPE_CHECKING:
@@ -153,8 +153,60 @@ class Solution:
         return self._inner.irradiance_at(integers("face", face), floats("barycentric", barycentric))
 
     def matches(self, scene: Scene) -> bool:
-        """Tell whether this is a solution of `scene`, by its hash."""
-        return self.scene.hash == scene.hash
+        """Tell whether this is a solution of `scene`, by its hash; a relit one also of what was solved."""
+        relit = self.report.relit
+        return scene.hash == self.scene.hash or (relit is not None and relit.scene_hash == scene.hash)
+
+    @property
+    def light_groups(self) -> list[LightGroup]:
+        """The emitters that `relight` dims, with the weights that they have."""
+        unit = self.scene.unit
+        return [LightGroup(*entry, unit=unit) for entry in self._inner.light_groups]
+
+    def relight(
+        self,
+        weights: Mapping[str, float | Sequence[float]] | None = None,
+        *,
+        reflectance: Mapping[str, float | Sequence[float]] | None = None,
+        threads: int = 0,
+    ) -> Solution:
+        """Dim, brighten or colour light groups; give materials other reflectances.
+
+        Other weights take milliseconds: the solution keeps the light of each group, and a mix is their sum.
+        Other reflectances are gathered anew over the links of the solve, without tracing a ray; the links
+        stay refined for the old ones.
+
+        Parameters
+        ----------
+        weights
+            Factors on the emission of `light_groups` by name, one number or linear RGB, 0 or more. They refer
+            to the scene as it was solved, also where this solution is relit itself; groups that are not named
+            get 1.
+        reflectance
+            Diffuse reflectance of materials by name, one number or linear RGB, in [0, 1). Materials that are
+            not named keep what they have.
+        threads
+            Threads; 0 stands for all cores. Never changes a result.
+
+        Returns
+        -------
+        Solution
+            Of the scene as it is lit now. ``report.relit`` tells of the weights. ``report.error_estimate`` is
+            that of the solve times the largest weight, relative to the new mean irradiance: it holds where
+            errors of different groups did not cancel each other in the solve.
+
+        Raises
+        ------
+        RelightError
+            Naming the group or material that does not exist, or the value that makes no sense.
+        NotRelightableError
+            Where the solution has no light by groups, e.g. one of schedule ``"sequential"``.
+        """
+        lights = [(name, _triple(f"weight of '{name}'", value)) for name, value in (weights or {}).items()]
+        paints = [
+            (name, _triple(f"reflectance of '{name}'", value)) for name, value in (reflectance or {}).items()
+        ]
+        return Solution._wrap(self._inner.relight(lights, paints, threads))
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write a solution file (HDF5) that `isolux.open` reads.
@@ -426,6 +478,15 @@ def open_solution(path: str | os.PathLike[str]) -> Solution:
     from isolux.io import solution_file  # noqa: PLC0415
 
     return Solution._wrap(solution_file.read(Path(path)))
+
+
+def _triple(what: str, value: float | Sequence[float]) -> tuple[float, float, float]:
+    try:
+        bands = (value,) * 3 if isinstance(value, (int, float)) else tuple(value)
+        red, green, blue = (float(band) for band in bands)
+    except (TypeError, ValueError):
+        raise RelightError(f"{what} is {value!r}: expected one number or three") from None
+    return red, green, blue
 
 
 def _form_factors(links: Mapping[str, NDArray[Any]], corner_count: NDArray[np.uint8]) -> NDArray[np.float64]:

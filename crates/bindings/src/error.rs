@@ -6,14 +6,19 @@ use isolux::core::scene::SceneViolation;
 use isolux::formats::read::ReadError as FormatsReadError;
 use isolux::formats::write::WriteError as FormatsWriteError;
 use isolux::study::StudyError;
-use isolux::{RecordError, RenderError as FacadeRenderError, SettingsError as FacadeSettingsError, SolveError};
+use isolux::{
+    RecordError, RelightError as FacadeRelightError, RenderError as FacadeRenderError,
+    SettingsError as FacadeSettingsError, SolveError,
+};
 use pyo3::import_exception;
 use pyo3::prelude::*;
 use pyo3::types::PyList;
 
 import_exception!(isolux.exceptions, InternalError);
 import_exception!(isolux.exceptions, NoLightError);
+import_exception!(isolux.exceptions, NotRelightableError);
 import_exception!(isolux.exceptions, ReadError);
+import_exception!(isolux.exceptions, RelightError);
 import_exception!(isolux.exceptions, RenderError);
 import_exception!(isolux.exceptions, SceneError);
 import_exception!(isolux.exceptions, SettingsError);
@@ -87,6 +92,23 @@ impl PythonError for RecordError {
             | RecordError::Shape { .. }
             | RecordError::Inconsistent { .. }
             | RecordError::Format { .. } => SolutionFileError::new_err(message),
+        }
+    }
+}
+
+impl PythonError for FacadeRelightError {
+    fn exception(self) -> PyErr {
+        let message = self.to_string();
+        match self {
+            FacadeRelightError::Schedule { .. } | FacadeRelightError::Unprepared { .. } => {
+                NotRelightableError::new_err(message)
+            }
+            FacadeRelightError::NoSuchGroup { .. }
+            | FacadeRelightError::Weight { .. }
+            | FacadeRelightError::NoSuchMaterial { .. }
+            | FacadeRelightError::Reflectance { .. } => RelightError::new_err(message),
+            FacadeRelightError::Settings(error) => error.exception(),
+            FacadeRelightError::Internal(what) => internal(what),
         }
     }
 }
@@ -227,6 +249,23 @@ pub(crate) fn error_samples(py: Python<'_>) -> PyResult<Bound<'_, PyList>> {
             RecordError::Inconsistent { name: "links/source".into(), what: "names element 9 of 4".into() }.exception(),
         ),
         ("RecordError::Format", RecordError::Format { found: 9, supported: 1 }.exception()),
+        ("RelightError::Schedule", FacadeRelightError::Schedule { schedule: "sequential" }.exception()),
+        ("RelightError::Unprepared", FacadeRelightError::Unprepared { why: "it was cancelled".into() }.exception()),
+        (
+            "RelightError::NoSuchGroup",
+            FacadeRelightError::NoSuchGroup { name: "lmap".into(), available: object() }.exception(),
+        ),
+        ("RelightError::Weight", FacadeRelightError::Weight { name: object(), value: "-1".into() }.exception()),
+        (
+            "RelightError::NoSuchMaterial",
+            FacadeRelightError::NoSuchMaterial { name: "oka".into(), available: "oak".into() }.exception(),
+        ),
+        (
+            "RelightError::Reflectance",
+            FacadeRelightError::Reflectance { name: "oak".into(), value: "1.5".into(), most: 1.0 }.exception(),
+        ),
+        ("RelightError::Settings", FacadeRelightError::Settings(settings()).exception()),
+        ("RelightError::Internal", FacadeRelightError::Internal("columns ended".into()).exception()),
         (
             "RenderError::NoSuchCamera",
             FacadeRenderError::NoSuchCamera { name: "hall".into(), available: "attic".into() }.exception(),

@@ -228,6 +228,19 @@ impl Scene {
         lights.into_iter().map(names).collect()
     }
 
+    /// What light groups are made of, and each: name, polygons, area, power per band.
+    #[getter]
+    fn light_groups(&self) -> (&'static str, Vec<(String, u64, f64, Triple)>) {
+        let found = isolux::light_groups(&self.inner);
+        let by = match found.by {
+            isolux::GroupedBy::Object => "object",
+            isolux::GroupedBy::Material => "material",
+            isolux::GroupedBy::All => "all",
+        };
+        let tuple = |group: isolux::LightGroup| (group.name, group.polygons, group.area, group.power.0.into());
+        (by, found.groups.into_iter().map(tuple).collect())
+    }
+
     /// Emitted power per band, W or lm.
     #[getter]
     fn emitted_power(&self) -> Triple {

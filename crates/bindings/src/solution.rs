@@ -10,7 +10,7 @@ use isolux::core::DVec3;
 use isolux::core::units::Rgb;
 use isolux::flat;
 use isolux::formats::write::{self, GlbOptions, Picture, PngOptions, Provenance, Recall, ToneMap};
-use isolux::{Record, RenderSettings, Solution as FacadeSolution, View};
+use isolux::{Changes, Record, RenderSettings, Solution as FacadeSolution, View};
 use numpy::PyReadonlyArrayDyn;
 use pyo3::exceptions::{PyIndexError, PyValueError};
 use pyo3::prelude::*;
@@ -21,6 +21,9 @@ use std::sync::Arc;
 /// Barycentric coordinates may miss a sum of 1 by this: single precision misses it by 2e-7, a forgotten coordinate by
 /// its own size.
 const BARYCENTRIC_TOLERANCE: f64 = 1e-5;
+
+/// Name, polygons, area, power and weight of a light group.
+type GroupTuple = (String, u64, f64, (f64, f64, f64), (f64, f64, f64));
 
 /// A solved scene.
 #[pyclass(frozen, module = "isolux._isolux")]
@@ -125,6 +128,37 @@ impl Solution {
         }
         let inner = interruptible(py, || FacadeSolution::from_record(record))?.map_err(to_python)?;
         Ok(Solution { inner: Arc::new(inner) })
+    }
+
+    /// The light groups: name, one-sided polygons, area, emitted power and weight per band.
+    #[getter]
+    fn light_groups(&self) -> Vec<GroupTuple> {
+        let relit = self.inner.report().relit.as_ref();
+        let weights = relit.map_or(&[][..], |relit| &relit.weights);
+        let groups = self.inner.report().groups.as_ref().map_or_else(
+            // Of older files, and of the other schedule.
+            || isolux::light_groups(self.inner.scene()).groups,
+            |told| told.groups.clone(),
+        );
+        let weight = |row: usize| weights.get(row).map_or([1.0; 3], |entry| entry.weight.0);
+        let tuple = |(row, group): (usize, isolux::LightGroup)| {
+            (group.name, group.polygons, group.area, group.power.0.into(), weight(row).into())
+        };
+        groups.into_iter().enumerate().map(tuple).collect()
+    }
+
+    /// The solution with other weights of its light groups and other reflectances of materials, by name.
+    fn relight(
+        &self,
+        py: Python<'_>,
+        weights: Vec<(String, [f64; 3])>,
+        reflectance: Vec<(String, [f64; 3])>,
+        threads: usize,
+    ) -> PyResult<Solution> {
+        let solution = self.inner.clone();
+        let changes = Changes { weights, reflectance, threads };
+        let relit = interruptible(py, move || solution.relight(&changes))?.map_err(to_python)?;
+        Ok(Solution { inner: Arc::new(relit) })
     }
 
     /// The exposure that shows the scene at middle brightness.

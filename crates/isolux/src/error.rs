@@ -86,13 +86,70 @@ pub enum RecordError {
         what: String,
     },
     /// Written by a version that this one cannot read.
-    #[error("file format {found} is not supported (this version reads {supported})")]
+    #[error("file format {found} is not supported (this version reads up to {supported})")]
     Format {
         /// Format number in the file.
         found: u64,
-        /// Format number that this version reads.
+        /// The highest format number that this version reads.
         supported: u64,
     },
+}
+
+/// Why a solution could not be relit.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum RelightError {
+    /// Its schedule keeps no light by groups.
+    #[error("a solution of schedule '{schedule}' cannot be relit: solve with schedule 'wavefront'")]
+    Schedule {
+        /// Name of the schedule.
+        schedule: &'static str,
+    },
+    /// It lacks what relighting needs.
+    #[error("the solution cannot be relit: {why}; solve the scene again")]
+    Unprepared {
+        /// What is in the way.
+        why: String,
+    },
+    /// The scene has no light group of that name.
+    #[error("there is no light group '{name}'; the solution has: {available}")]
+    NoSuchGroup {
+        /// The name asked for.
+        name: String,
+        /// Names that exist.
+        available: String,
+    },
+    /// A weight that no lamp can have.
+    #[error("weight of '{name}' is {value}: expected a number of 0 or more")]
+    Weight {
+        /// The light group.
+        name: String,
+        /// What was given.
+        value: String,
+    },
+    /// The scene has no material of that name.
+    #[error("there is no material '{name}'; the scene has: {available}")]
+    NoSuchMaterial {
+        /// The name asked for.
+        name: String,
+        /// Names that exist.
+        available: String,
+    },
+    /// A reflectance that no material can have.
+    #[error("reflectance of '{name}' is {value}: expected at least 0, below 1, and at most the opacity, {most}")]
+    Reflectance {
+        /// The material.
+        name: String,
+        /// What was given.
+        value: String,
+        /// The least opacity of its surfaces.
+        most: f64,
+    },
+    /// A setting makes no sense.
+    #[error(transparent)]
+    Settings(#[from] SettingsError),
+    /// An invariant is broken: a defect of the program.
+    #[error("internal: {0}")]
+    Internal(String),
 }
 
 /// Why no picture came out.

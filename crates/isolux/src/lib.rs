@@ -2,8 +2,10 @@
 
 mod error;
 pub mod flat;
+mod groups;
 mod pace;
 mod record;
+mod relight;
 mod render;
 mod report;
 mod sequential;
@@ -14,21 +16,24 @@ mod solve;
 pub mod study;
 mod wavefront;
 
-pub use error::{RecordError, RenderError, SettingsError, SolveError};
+pub use error::{RecordError, RelightError, RenderError, SettingsError, SolveError};
+pub use groups::{ALL, GroupedBy, LightGroup, LightGroups, MOST_GROUPS, light_groups};
 pub use isolux_core as core;
 pub use isolux_formats as formats;
 pub use record::{Array, Data, Record};
+pub use relight::Changes;
 pub use render::{RenderSettings, View, render};
 pub use report::{
-    Energy, ErrorEstimate, IterationReport, LinkReport, PhaseReport, Report, RowSum, StageReport, Status,
+    Energy, ErrorEstimate, GroupsReport, IterationReport, LinkReport, PhaseReport, ReflectanceReport, RelitReport,
+    Report, RowSum, StageReport, Status, WeightReport,
 };
 pub use settings::{Quality, Schedule, Settings};
 
 pub use isolux_core::solution::{Interpolation, Roots, Update};
-pub use isolux_wavefront::{ClusterColumns, LinkColumns, Meeting, Tracer};
+pub use isolux_wavefront::{ClusterColumns, LinkColumns, Meeting, NO_GROUP, Tracer};
 pub use solution::Solution;
 pub use solve::solve;
-pub use wavefront::Transported;
+pub use wavefront::{Columns, Transported};
 
 /// Version of the program, recorded in every result.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");

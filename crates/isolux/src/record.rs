@@ -1,6 +1,6 @@
 //! A solution as named flat arrays: what a solution file holds, whatever container it is put in.
 
-use crate::wavefront::{TransportViolation, Transported};
+use crate::wavefront::{Columns, TransportViolation, Transported};
 use crate::{RecordError, Report, Schedule, Solution, Status, flat};
 use isolux_core::kernels::visibility::Sight;
 use isolux_core::links::{Hierarchy, Link, Links};
@@ -14,8 +14,11 @@ use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 use std::sync::{Arc, OnceLock};
 
-/// Format number that this version writes and reads.
-const FORMAT: u64 = 3;
+/// Format number that this version writes.
+const FORMAT: u64 = 4;
+
+/// The oldest that it reads: 3 lacks what relighting needs.
+const OLDEST: u64 = 3;
 
 /// Numbers of one type.
 #[derive(Clone, Debug, PartialEq)]
@@ -99,6 +102,12 @@ struct Attributes {
     images: Vec<ImageHeader>,
     masks: Vec<MaskHeader>,
     report: Report,
+    /// Names of the light groups, where the light is kept by them.
+    #[serde(default)]
+    groups: Vec<String>,
+    /// See [`Transported::limit`].
+    #[serde(default)]
+    limit: f32,
 }
 
 #[derive(Debug, Serialize, Deserialize)]
@@ -149,6 +158,7 @@ const NONE: u32 = u32::MAX;
 pub(crate) fn write(solution: &Solution) -> Record {
     let scene = &solution.scene;
     let Hierarchy { elements, links, light } = &solution.hierarchy;
+    let columns = solution.transport.as_ref().and_then(|transport| transport.columns.as_deref());
     let attributes = Attributes {
         format: FORMAT,
         version: crate::VERSION.to_owned(),
@@ -172,6 +182,8 @@ pub(crate) fn write(solution: &Solution) -> Record {
             .map(|mask| MaskHeader { width: mask.width, height: mask.height, cutoff: mask.cutoff, wrap: mask.wrap })
             .collect(),
         report: solution.report.clone(),
+        groups: columns.map_or_else(Vec::new, |columns| columns.names.clone()),
+        limit: solution.transport.as_ref().map_or(0.0, |transport| transport.limit),
     };
     let polygons = &scene.polygons;
     let mut arrays = Vec::new();
@@ -236,7 +248,7 @@ fn link_arrays(links: &Links, vertex_irradiance: &[Rgb], arrays: &mut Vec<Array>
 
 /// What `wavefront` leaves behind beyond elements and light.
 fn transport_arrays(transport: &Transported, arrays: &mut Vec<Array>) {
-    let Transported { fields, links, clusters } = transport;
+    let Transported { fields, links, clusters, limit: _, columns } = transport;
     let table = |name: &str, shape: &[usize], data| Array { name: name.to_owned(), shape: shape.to_vec(), data };
     let values = fields.iter().flatten().flatten().copied().collect();
     arrays.push(table("elements/field", &[fields.len(), 5, 3], Data::F32(values)));
@@ -247,6 +259,7 @@ fn transport_arrays(transport: &Transported, arrays: &mut Vec<Array>) {
     arrays.push(flat_array("links/visibility", Data::F32(links.visibility.clone())));
     arrays.push(flat_array("links/proven", Data::U8(links.proven.clone())));
     arrays.push(table("links/centre", &[count, 2], Data::F32(links.centre.as_flattened().to_vec())));
+    arrays.push(flat_array("links/whole", Data::U8(links.whole.clone())));
     let count = clusters.parent.len();
     arrays.push(table("clusters/centre", &[count, 3], Data::F64(clusters.centre.as_flattened().to_vec())));
     arrays.push(flat_array("clusters/radius", Data::F32(clusters.radius.clone())));
@@ -255,6 +268,12 @@ fn transport_arrays(transport: &Transported, arrays: &mut Vec<Array>) {
     arrays.push(flat_array("clusters/count", Data::U32(clusters.count.clone())));
     arrays.push(flat_array("clusters/parent", Data::U32(clusters.parent.clone())));
     arrays.push(flat_array("clusters/members", Data::U32(clusters.members.clone())));
+    let Some(columns) = columns else { return };
+    arrays.push(flat_array("groups/of", Data::U32(columns.of.clone())));
+    arrays.push(rgb_array("groups/emission", columns.emission.iter().copied()));
+    let leaves = columns.fields.first().map_or(0, Vec::len);
+    let values = columns.fields.iter().flatten().flatten().flatten().copied().collect();
+    arrays.push(table("groups/field", &[columns.fields.len(), leaves, 5, 3], Data::F32(values)));
 }
 
 /// Arrays of a record, to be taken out one by one with their expected shape.
@@ -358,13 +377,16 @@ pub(crate) fn read(record: Record) -> Result<Solution, RecordError> {
     let format = raw.get("format").and_then(serde_json::Value::as_u64);
     match format {
         None => return Err(RecordError::Missing { name: "attributes/format".into() }),
-        Some(found) if found != FORMAT => return Err(RecordError::Format { found, supported: FORMAT }),
+        Some(found) if !(OLDEST..=FORMAT).contains(&found) => {
+            return Err(RecordError::Format { found, supported: FORMAT });
+        }
         Some(_) => {}
     }
     let attributes: Attributes =
         serde_json::from_value(raw).map_err(|error| inconsistent("attributes", error.to_string()))?;
     let mut shelf = Shelf { arrays: record.arrays.into_iter().map(|array| (array.name.clone(), array)).collect() };
     let report = attributes.report.clone();
+    let beyond = Beyond { format: attributes.format, groups: attributes.groups.clone(), limit: attributes.limit };
     let (scene, active) = read_scene(attributes, &mut shelf)?;
     if let Err(error) = report.settings.validate() {
         return Err(inconsistent("attributes/report", error.to_string()));
@@ -374,7 +396,7 @@ pub(crate) fn read(record: Record) -> Result<Solution, RecordError> {
     }
     let part = Part { scene, active, report };
     match part.report.schedule {
-        Schedule::Wavefront => read_transported(part, &mut shelf),
+        Schedule::Wavefront => read_transported(part, beyond, &mut shelf),
         Schedule::Sequential => read_linked(part, &mut shelf),
     }
 }
@@ -386,9 +408,17 @@ struct Part {
     report: Report,
 }
 
+/// What attributes say of a solution of `wavefront`.
+struct Beyond {
+    format: u64,
+    groups: Vec<String>,
+    limit: f32,
+}
+
 /// A solution of `wavefront`.
-fn read_transported(part: Part, shelf: &mut Shelf) -> Result<Solution, RecordError> {
+fn read_transported(part: Part, beyond: Beyond, shelf: &mut Shelf) -> Result<Solution, RecordError> {
     let Part { scene, active, report } = part;
+    let Beyond { format, groups, limit } = beyond;
     let elements = read_elements(&scene, shelf)?;
     let radiosity = shelf.rgb("elements/radiosity", elements.len())?;
     let irradiance = shelf.rgb("elements/irradiance", elements.len())?;
@@ -396,13 +426,19 @@ fn read_transported(part: Part, shelf: &mut Shelf) -> Result<Solution, RecordErr
     same_length("elements/open_share", open_share.len(), elements.len())?;
     let light = Light::from_values(radiosity, irradiance, open_share);
     let field = shelf.f32("elements/field", &[5, 3])?;
-    let links = LinkColumns {
+    let mut links = LinkColumns {
         receiver: shelf.u32("links/receiver", &[])?,
         source: shelf.u32("links/source", &[])?,
         factors: shelf.f32("links/factors", &[5])?.as_chunks().0.to_vec(),
         visibility: shelf.f32("links/visibility", &[])?,
         proven: shelf.u8("links/proven", &[])?,
         centre: shelf.f32("links/centre", &[2])?.as_chunks().0.to_vec(),
+        whole: Vec::new(),
+    };
+    links.whole = if format == OLDEST {
+        links.visibility.iter().map(|&visibility| u8::from(visibility >= 1.0)).collect()
+    } else {
+        shelf.u8("links/whole", &[])?
     };
     let clusters = ClusterColumns {
         centre: shelf.f64("clusters/centre", &[3])?.as_chunks().0.to_vec(),
@@ -414,9 +450,32 @@ fn read_transported(part: Part, shelf: &mut Shelf) -> Result<Solution, RecordErr
         members: shelf.u32("clusters/members", &[])?,
     };
     let fields = field.as_chunks().0.as_chunks().0.to_vec();
-    let transport = Transported { fields, links, clusters };
+    if !(limit.is_finite() && limit >= 0.0) {
+        return Err(inconsistent("attributes/limit", format!("{limit} is not a number of 0 or more")));
+    }
+    let columns =
+        if groups.is_empty() { None } else { Some(Arc::new(read_columns(groups, &elements, &scene, shelf)?)) };
+    let transport = Transported { fields, links: Arc::new(links), clusters: Arc::new(clusters), limit, columns };
     transport.check(&scene, &elements, &light).map_err(|TransportViolation { name, what }| inconsistent(name, what))?;
     Ok(crate::wavefront::solution(Arc::new(scene), elements, light, active, transport, report))
+}
+
+/// The light by groups.
+fn read_columns(
+    names: Vec<String>,
+    elements: &Elements,
+    scene: &Scene,
+    shelf: &mut Shelf,
+) -> Result<Columns, RecordError> {
+    let polygons = scene.polygons.len();
+    let leaves = elements.leaves().count();
+    let of = shelf.indices("groups/of", polygons, names.len())?;
+    let emission = shelf.rgb("groups/emission", polygons)?;
+    let values = shelf.f32("groups/field", &[leaves, 5, 3])?;
+    let fields: Vec<[[f32; 3]; 5]> = values.as_chunks().0.as_chunks().0.to_vec();
+    same_length("groups/field", fields.len(), names.len() * leaves)?;
+    let fields = fields.chunks(leaves.max(1)).map(<[_]>::to_vec).collect();
+    Ok(Columns { names, of, emission, fields })
 }
 
 /// A solution of `sequential`.

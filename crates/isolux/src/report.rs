@@ -1,5 +1,6 @@
 //! What a solve tells of itself: counts, residuals, energy, time.
 
+use crate::groups::{GroupedBy, LightGroup};
 use crate::{Schedule, Settings};
 use isolux_core::kernels::Counts;
 use isolux_core::scene::Issue;
@@ -28,6 +29,58 @@ pub struct ErrorEstimate {
     pub total: f64,
     /// The same of the darker half of the surfaces, relative to that half's mean; none where it was not looked at.
     pub dark: Option<f64>,
+}
+
+/// Light groups of a solve, and whether its light is kept by them.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct GroupsReport {
+    /// What the groups are made of.
+    pub by: GroupedBy,
+    /// The groups, as they were solved.
+    pub groups: Vec<LightGroup>,
+    /// Why the light is not kept by groups; none where it is, or where there is one group, whose light is all of it.
+    pub lacking: Option<String>,
+    /// Gathers over all links, and at the leaves' own points, that the groups' light took.
+    pub passes: [u32; 2],
+    /// Bytes that the groups' light takes in memory, and in a file before compression.
+    pub bytes: u64,
+    /// RMS difference between the sum of the groups' light, which is the solution, and the light that rays checked, relative
+    /// to the mean irradiance. It is part of the error estimate.
+    pub apart: f64,
+}
+
+/// Weight of a light group.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct WeightReport {
+    /// Name of the group.
+    pub group: String,
+    /// Factor on its emission, per band.
+    pub weight: Rgb,
+}
+
+/// Reflectance that a material was given.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ReflectanceReport {
+    /// Name of the material.
+    pub material: String,
+    /// Its diffuse reflectance, per band.
+    pub reflectance: Rgb,
+}
+
+/// What a relit solution was made of.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RelitReport {
+    /// Hash of the scene that was solved, hexadecimal.
+    pub scene_hash: String,
+    /// Mean irradiance with all weights 1, W/m² or lm/m².
+    pub mean_irradiance: Rgb,
+    /// Error estimate of the solve. With changed reflectances it is carried over: links were refined for the old ones, and
+    /// nothing was measured since.
+    pub error_estimate: Option<ErrorEstimate>,
+    /// Weight of each light group.
+    pub weights: Vec<WeightReport>,
+    /// Materials that were given other reflectances.
+    pub reflectance: Vec<ReflectanceReport>,
 }
 
 /// One stage of `wavefront`: refinement, then gathers until the light settles.
@@ -182,4 +235,10 @@ pub struct Report {
     pub peak_memory: u64,
     /// What was found in the scene.
     pub issues: Vec<Issue>,
+    /// Light groups (`wavefront`; older files lack them).
+    #[serde(default)]
+    pub groups: Option<GroupsReport>,
+    /// How it was relit; none where it is as it was solved.
+    #[serde(default)]
+    pub relit: Option<RelitReport>,
 }

@@ -99,6 +99,8 @@ pub(crate) fn report(
         phases: Vec::new(),
         peak_memory: peak_memory(),
         issues: scene.issues.clone(),
+        groups: None,
+        relit: None,
     }
 }
 

@@ -1,7 +1,9 @@
 //! The schedule `wavefront`: a scene and settings go to the fast engine, whose outcome becomes a solution; what that holds
 //! beyond elements and light, and the invariants of it.
 
-use crate::report::{ErrorEstimate, LinkReport, PhaseReport, StageReport};
+use crate::groups::{LightGroups, light_groups};
+use crate::relight;
+use crate::report::{ErrorEstimate, GroupsReport, LinkReport, PhaseReport, StageReport};
 use crate::solve::report;
 use crate::{Report, Settings, SettingsError, Solution, SolveError, Status};
 use isolux_core::links::{Hierarchy, Links};
@@ -9,7 +11,11 @@ use isolux_core::scene::Scene;
 use isolux_core::solution::{Flow, Light, Observer, Phase, Progress, Update};
 use isolux_core::tree::{ElementId, Elements};
 use isolux_core::units::Rgb;
-use isolux_wavefront::{Bound, ClusterColumns, Control, Estimate, LinkColumns, Outcome, Prepared, Request, Stage};
+use isolux_wavefront::{
+    Bound, ClusterColumns, Control, Estimate, Given, LinkColumns, MEMORY, NO_GROUP, Outcome, Prepared, Request, Room,
+    Solved, Stage, light_of,
+};
+use rayon::prelude::*;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Arc, OnceLock};
@@ -31,14 +37,33 @@ pub struct Transported {
     /// inner elements it means nothing.
     pub fields: Vec<[[f32; 3]; 5]>,
     /// Links, in ascending order of their receivers.
-    pub links: LinkColumns,
+    pub links: Arc<LinkColumns>,
     /// The hierarchy above the polygons.
-    pub clusters: ClusterColumns,
+    pub clusters: Arc<ClusterColumns>,
+    /// Area times squared error that one source may leave on a leaf, m² (W/m²)² or m² (lm/m²)²; 0 in older files.
+    pub limit: f32,
+    /// The light by groups, where there are several, or where it was relit.
+    pub columns: Option<Arc<Columns>>,
+}
+
+/// Irradiance by light group, as it was solved: with all weights 1.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Columns {
+    /// Names of the groups.
+    pub names: Vec<String>,
+    /// By polygon: its group, or [`NO_GROUP`].
+    pub of: Vec<u32>,
+    /// Emission by polygon, as it was solved, W/m² or lm/m².
+    pub emission: Vec<Rgb>,
+    /// By group and leaf, leaves in ascending order: irradiance at corners and middle, W/m² or lm/m².
+    pub fields: Vec<Vec<[[f32; 3]; 5]>>,
 }
 
 /// What comes back from the engine's threads.
 struct Finished {
     outcome: Outcome,
+    columns: Option<Columns>,
+    groups: GroupsReport,
     stages: Vec<Stage>,
     estimate: Option<Estimate>,
     bound: Option<Bound>,
@@ -65,8 +90,10 @@ pub(crate) fn solve(
     let start = Instant::now();
     let mut status = Status::Cancelled;
     let mut named = None;
-    let (outcome, stages, estimate, mut phases) = match finished {
-        Some(Finished { outcome, stages, estimate, bound, phases }) => {
+    let (mut columns, mut groups) = (None, None);
+    let (outcome, stages, mut estimate, mut phases) = match finished {
+        Some(Finished { outcome, columns: found, groups: told, stages, estimate, bound, phases }) => {
+            (columns, groups) = (found, Some(told));
             status = status_of(bound);
             named = bound.and_then(setting_of);
             (outcome, stages, estimate, phases)
@@ -77,8 +104,17 @@ pub(crate) fn solve(
     if status != Status::Cancelled && observer.observe(&done) == Flow::Stop {
         status = Status::Cancelled;
     }
-    let Outcome { elements, light, fields, links, clusters } = outcome;
-    let transport = Transported { fields, links: in_order(links), clusters };
+    let Outcome { elements, mut light, mut fields, links, clusters, limit } = outcome;
+    if let (Some(columns), Some(groups)) = (&columns, &mut groups) {
+        let whole = vec![[1.0; 3]; columns.names.len()];
+        let sum = relight::mixed(&columns.fields, &whole);
+        groups.apart = apart(&elements, &light, &fields, &sum);
+        relight::place(&elements, sum, &mut fields);
+        light = light_of(&scene, &elements, &fields, light.open_shares().to_vec());
+        estimate = estimate.map(|found| further(found, groups.apart, stages.last()));
+    }
+    let (links, clusters) = (Arc::new(in_order(links)), Arc::new(clusters));
+    let transport = Transported { fields, links, clusters, limit, columns: columns.map(Arc::new) };
     let mut active = vec![true; scene.polygons.len()];
     for (back, active) in active.iter_mut().enumerate().skip(scene.fronts) {
         *active = light.irradiance(ElementId(back as u32)) != Rgb::ZERO;
@@ -89,6 +125,7 @@ pub(crate) fn solve(
         bound: named.map(str::to_owned),
         clusters: transport.clusters.parent.len() as u64,
         links: by_visibility(&transport.links),
+        groups,
         stages: stages
             .iter()
             .map(|stage| StageReport {
@@ -173,18 +210,90 @@ fn run(
 }
 
 fn work(scene: &Arc<Scene>, request: &Request, control: &Control) -> Finished {
-    let start = Instant::now();
+    let begun = Instant::now();
     let prepared = Prepared::new(scene.clone());
-    let tree = start.elapsed().as_secs_f64();
+    let tree = begun.elapsed().as_secs_f64();
     let solved = prepared.solve(request, control);
     let start = Instant::now();
     let outcome = solved.outcome(scene);
-    let columns = start.elapsed().as_secs_f64();
+    let numbered = start.elapsed().as_secs_f64();
+    let start = Instant::now();
+    let deadline = request.time.map(|seconds| begun + Duration::from_secs_f64(seconds));
+    let room = Room { memory: Some(request.memory.unwrap_or(MEMORY)), deadline };
+    let (columns, groups) = by_groups(scene, &solved, request.error, room, control);
+    let grouped = start.elapsed().as_secs_f64();
     let (stages, estimate, bound) = (solved.stages, solved.estimate, solved.bound);
     let sum = |part: usize| stages.iter().map(|stage| stage.seconds[part]).sum::<f64>();
-    let phases = [("tree", tree), ("links", sum(0)), ("light", sum(1)), ("check", sum(2)), ("columns", columns)];
+    let phases = [
+        ("tree", tree),
+        ("links", sum(0)),
+        ("light", sum(1)),
+        ("check", sum(2)),
+        ("columns", numbered),
+        ("groups", grouped),
+    ];
     let phases = phases.map(|(name, seconds)| PhaseReport { name: name.to_owned(), seconds }).to_vec();
-    Finished { outcome, stages, estimate, bound, phases }
+    Finished { outcome, columns, groups, stages, estimate, bound, phases }
+}
+
+/// The light by groups, where there are several, and what is to be told of them.
+fn by_groups(
+    scene: &Scene,
+    solved: &Solved,
+    error: f64,
+    room: Room,
+    control: &Control,
+) -> (Option<Columns>, GroupsReport) {
+    let LightGroups { by, groups, of } = light_groups(scene);
+    let mut told = GroupsReport { by, groups, lacking: None, passes: [0; 2], bytes: 0, apart: 0.0 };
+    let count = told.groups.len();
+    if count < 2 {
+        return (None, told);
+    }
+    if solved.bound == Some(Bound::Stop) {
+        told.lacking = Some("the solve was cancelled".into());
+        return (None, told);
+    }
+    match solved.columns(&of, count, error, room, control) {
+        Ok(found) => {
+            let values: usize = found.fields.iter().map(|column| size_of_val(&column[..])).sum();
+            (told.passes, told.bytes) = (found.passes, values as u64);
+            let names = told.groups.iter().map(|group| group.name.clone()).collect();
+            let emission = scene.polygons.iter().map(|polygon| polygon.emission).collect();
+            (Some(Columns { names, of, emission, fields: found.fields }), told)
+        }
+        Err(given) => {
+            let why = match given {
+                Given::Stop => "the solve was cancelled",
+                Given::Memory => "the bound on memory left no room for its light groups",
+                Given::Time => "the bound on time left none for its light groups",
+            };
+            told.lacking = Some(why.into());
+            (None, told)
+        }
+    }
+}
+
+/// RMS difference between fields of leaves by number and in order, at their middles, relative to the mean irradiance.
+fn apart(elements: &Elements, light: &Light, fields: &[[[f32; 3]; 5]], leaves: &[[[f32; 3]; 5]]) -> f64 {
+    let (mut square, mut sum, mut whole) = (0.0, 0.0, 0.0);
+    for (leaf, field) in elements.leaves().zip(leaves) {
+        let area = elements.get(leaf).area;
+        let off =
+            (0..15).map(|k| f64::from(field[k / 3][k % 3] - fields[leaf.index()][k / 3][k % 3]).powi(2)).sum::<f64>();
+        square += area * off / 15.0;
+        sum += area * light.irradiance(leaf).mean();
+        whole += area;
+    }
+    if sum > 0.0 { (square / whole).sqrt() / (sum / whole) } else { 0.0 }
+}
+
+/// An estimate of light that lies so far from what it was made for, relative to the mean irradiance: where gathers stop has
+/// nothing to do with what links leave out, so the squares add up.
+fn further(found: Estimate, apart: f64, last: Option<&Stage>) -> Estimate {
+    let dark_mean = last.and_then(|stage| stage.check).map_or(1.0, |check| check.dark_mean);
+    let dark = if dark_mean > 0.0 { apart / dark_mean } else { 0.0 };
+    Estimate { total: found.total.hypot(apart), dark: found.dark.hypot(dark) }
 }
 
 /// What a bound that ended the engine means to a user.
@@ -219,6 +328,7 @@ fn bare(scene: &Scene) -> Outcome {
         fields: vec![[[0.0; 3]; 5]; count],
         links: LinkColumns::default(),
         clusters: ClusterColumns::default(),
+        limit: 0.0,
     }
 }
 
@@ -239,6 +349,7 @@ fn in_order(links: LinkColumns) -> LinkColumns {
         visibility: taken(&links.visibility, &order),
         proven: taken(&links.proven, &order),
         centre: taken(&links.centre, &order),
+        whole: taken(&links.whole, &order),
     }
 }
 
@@ -283,7 +394,8 @@ impl Transported {
     /// - both ends of a link exist and differ; factors are finite and not negative; visibilities lie in `[0, 1]` and are 1
     ///   where that is proven; centres lie in `[0, 1]²`; receivers ascend;
     /// - of clusters, only the first has no parent, the others come after theirs; members are polygons, each once; those of
-    ///   a cluster lie among those of its parent; places, radii and areas are finite, areas above 0.
+    ///   a cluster lie among those of its parent; places, radii and areas are finite, areas above 0;
+    /// - of light groups, each polygon that emitted has one; there is one finite field per group and leaf.
     ///
     /// # Errors
     /// The first violation.
@@ -295,7 +407,34 @@ impl Transported {
         }
         self.check_light(scene, elements, light)?;
         self.check_clusters(polygons)?;
-        self.check_links(elements.len())
+        self.check_links(elements.len())?;
+        self.columns.as_ref().map_or(Ok(()), |columns| self.check_columns(columns, scene, elements))
+    }
+
+    fn check_columns(&self, columns: &Columns, scene: &Scene, elements: &Elements) -> Result<(), TransportViolation> {
+        let Columns { names, of, emission, fields } = columns;
+        let polygons = scene.polygons.len();
+        same_lengths(polygons, &[("groups/of", of.len()), ("groups/emission", emission.len())])?;
+        if names.is_empty() || fields.len() != names.len() {
+            return Err(wrong("groups/field", format!("{} columns of {} groups", fields.len(), names.len())));
+        }
+        for (index, &group) in of.iter().enumerate() {
+            if group != NO_GROUP && group as usize >= names.len() {
+                return Err(wrong("groups/of", format!("polygon {index} is of no group that exists")));
+            }
+            let own = emission[index];
+            if !own.is_finite() || own.min_component() < 0.0 || group == NO_GROUP && own != Rgb::ZERO {
+                return Err(wrong("groups/emission", format!("that of polygon {index} cannot be")));
+            }
+        }
+        let leaves = elements.leaves().count();
+        for column in fields {
+            same_lengths(leaves, &[("groups/field", column.len())])?;
+            if !column.par_iter().all(|field| field.as_flattened().iter().all(|value| value.is_finite())) {
+                return Err(wrong("groups/field", "not all values are finite"));
+            }
+        }
+        Ok(())
     }
 
     fn check_light(&self, scene: &Scene, elements: &Elements, light: &Light) -> Result<(), TransportViolation> {
@@ -314,13 +453,14 @@ impl Transported {
     }
 
     fn check_links(&self, elements: usize) -> Result<(), TransportViolation> {
-        let LinkColumns { receiver, source, factors, visibility, proven, centre } = &self.links;
+        let LinkColumns { receiver, source, factors, visibility, proven, centre, whole } = &*self.links;
         let columns = [
             ("links/source", source.len()),
             ("links/factors", factors.len()),
             ("links/visibility", visibility.len()),
             ("links/proven", proven.len()),
             ("links/centre", centre.len()),
+            ("links/whole", whole.len()),
         ];
         same_lengths(receiver.len(), &columns)?;
         let nodes = elements + self.clusters.parent.len();
@@ -351,6 +491,12 @@ impl Transported {
                 return Err(wrong("links/proven", format!("link {index} is proven, but its visibility is not 1")));
             }
         }
+        if let Some(index) = (0..whole.len()).find(|&index| whole[index] > 1 || whole[index] < proven[index]) {
+            return Err(wrong(
+                "links/whole",
+                format!("{} of link {index} is not 1 or 0, or it is proven", whole[index]),
+            ));
+        }
         let is_inside = |centre: &[f32; 2]| centre.iter().all(|along| (0.0..=1.0).contains(along));
         match centre.iter().position(|centre| !is_inside(centre)) {
             Some(index) => Err(wrong("links/centre", format!("of link {index} it is not within 0 and 1"))),
@@ -359,7 +505,7 @@ impl Transported {
     }
 
     fn check_clusters(&self, polygons: usize) -> Result<(), TransportViolation> {
-        let ClusterColumns { centre, radius, area, first, count, parent, members } = &self.clusters;
+        let ClusterColumns { centre, radius, area, first, count, parent, members } = &*self.clusters;
         let columns = [
             ("clusters/centre", centre.len()),
             ("clusters/radius", radius.len()),

@@ -284,8 +284,8 @@ fn attributes_are_checked() {
         assert!(record.attributes.contains(from), "{from}");
         reading(Record { attributes: record.attributes.replacen(from, to, 1), ..record.clone() })
     };
-    assert_eq!(with("\"format\":3", "\"format\":2"), RecordError::Format { found: 2, supported: 3 });
-    assert_eq!(with("\"format\":3", "\"form\":3"), RecordError::Missing { name: "attributes/format".into() });
+    assert_eq!(with("\"format\":4", "\"format\":2"), RecordError::Format { found: 2, supported: 4 });
+    assert_eq!(with("\"format\":4", "\"form\":4"), RecordError::Missing { name: "attributes/format".into() });
     assert_eq!(name_of(&with("{", "[")), "attributes");
     assert_eq!(name_of(&with("\"fronts\"", "\"front\"")), "attributes");
     assert_eq!(name_of(&with("\"fronts\":8", "\"fronts\":800")), "attributes/fronts");

@@ -52,13 +52,6 @@ impl Clusters {
             })
             .collect();
         let mut nodes = build(&boxes, &mut order, 0);
-        let mut area_before = Vec::with_capacity(order.len() + 1);
-        let mut sum = 0.0;
-        for &polygon in &order {
-            area_before.push(sum);
-            sum += f64::from(roots[polygon as usize].area);
-        }
-        area_before.push(sum);
         let parents: Vec<u32> = {
             let mut parents = vec![u32::MAX; nodes.len()];
             for (index, node) in nodes.iter().enumerate().filter(|(_, node)| node.second != 0) {
@@ -88,6 +81,18 @@ impl Clusters {
             node.centre = sum / area;
             node.radius = (node.high - node.centre).abs().max((node.centre - node.low).abs()).length();
         }
+        Clusters::from_parts(nodes, order, roots)
+    }
+
+    /// From nodes and members that fit together.
+    pub(crate) fn from_parts(nodes: Vec<Cluster>, order: Vec<u32>, roots: &[Element]) -> Clusters {
+        let mut area_before = Vec::with_capacity(order.len() + 1);
+        let mut sum = 0.0;
+        for &polygon in &order {
+            area_before.push(sum);
+            sum += f64::from(roots[polygon as usize].area);
+        }
+        area_before.push(sum);
         Clusters { nodes, order, area_before }
     }
 

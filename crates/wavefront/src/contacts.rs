@@ -199,8 +199,12 @@ pub(crate) fn mark(elements: &mut [Element], geometry: &Geometry) {
 /// open places on either side of a line of contact.
 fn open_parts(element: &Element, geometry: &Geometry) -> (u16, bool) {
     if !element.crossed {
-        let open = if is_covered(element.centre(), element.polygon, geometry) { 0 } else { u16::MAX };
-        return (open, false);
+        // Under what hangs free it may be dark at the middle only.
+        let mut places = [Vec3::ZERO; 5];
+        places[0] = element.centre();
+        (0..4).for_each(|k| places[k + 1] = places[0].lerp(element.corners[k], TOWARDS_CORNERS));
+        let covered = places.iter().all(|&place| is_covered(place, element.polygon, geometry));
+        return (if covered { 0 } else { u16::MAX }, false);
     }
     let own: [Vec3; 16] = std::array::from_fn(|part| own_point(element, part).0);
     let open =
@@ -216,6 +220,9 @@ fn open_parts(element: &Element, geometry: &Geometry) -> (u16, bool) {
         });
     (if open == 0 { from_strips } else { open }, divided)
 }
+
+/// How far from the middle to the corners an element that nothing stands on is asked whether it is covered.
+const TOWARDS_CORNERS: f32 = 0.95;
 
 /// Places along a line of contact at which both sides are asked, as shares of its part within an element.
 const PLACES: [f32; 5] = [0.03, 0.27, 0.5, 0.73, 0.97];
@@ -258,8 +265,8 @@ fn part_at(element: &Element, point: Vec3, normal: Vec3) -> usize {
     quarter << 2 | quadrant(&element.quarters(0)[quarter], normal, point)
 }
 
-/// Directions that a point looks in, as height over its plane and turn about its normal, radians: up, and around at two
-/// heights. What is open sees out in one of the first, mostly.
+/// Directions that a point looks in, as height over its plane and turn about its normal, radians: up and around, then
+/// around closer to the plane. What is open sees out in one of the first, mostly.
 const LOOKS: [(f32, f32); 13] = [
     (0.8, 0.4),
     (0.8, 3.5),
@@ -276,9 +283,12 @@ const LOOKS: [(f32, f32); 13] = [
     (0.25, 5.5),
 ];
 
-/// Looks that may see out though the point is inside something solid: modellers leave out the faces where parts meet, and
+/// Low looks that may see out though the point is inside something solid: modellers leave out the faces where parts meet, and
 /// edges do not close.
 const STRAY: usize = 2;
+
+/// Looks that are high: what one of them sees lights the point.
+const HIGH: usize = 5;
 
 /// Looks that see backs where a point may be inside something solid that other surfaces close: behind a skirting board that
 /// has no back, wall and floor are in view too.
@@ -291,24 +301,37 @@ const FIRST: usize = 3;
 /// that see little else themselves, whichever way it looks? Under a table's top, whose underside may be such a back, it sees
 /// out at the sides.
 pub(crate) fn is_covered(point: Vec3, polygon: u32, geometry: &Geometry) -> bool {
-    let Some((backs, fronts)) = look_around(point, polygon, geometry) else { return false };
-    if backs < MOST {
+    let Some(seen) = look_around(point, polygon, geometry) else { return false };
+    let backs = |seen: &[Seen]| seen.iter().filter(|seen| matches!(seen, Seen::Back)).count();
+    if backs(&seen) < MOST {
         return false;
     }
-    let closed =
-        |&&(place, side): &&(Vec3, u32)| look_around(place, side, geometry).is_some_and(|(backs, _)| backs >= MOST);
-    let lost = LOOKS.len() - backs - fronts.len();
-    lost + fronts.len() - fronts.iter().filter(closed).count() <= STRAY
+    let is_out = |seen: &Seen| match *seen {
+        Seen::Back => false,
+        Seen::Front(place, side) => look_around(place, side, geometry).is_none_or(|seen| backs(&seen) < MOST),
+        Seen::Nothing => true,
+    };
+    let (high, low) = seen.split_at(HIGH);
+    !high.iter().any(is_out) && low.iter().filter(|seen| is_out(seen)).count() <= STRAY
 }
 
-/// How many looks from a point see backs, and the places on fronts that others see; nothing where the first see no back.
-fn look_around(point: Vec3, polygon: u32, geometry: &Geometry) -> Option<(usize, Vec<(Vec3, u32)>)> {
+/// What a look sees.
+enum Seen {
+    /// The back of something solid.
+    Back,
+    /// A place on a front, and whose.
+    Front(Vec3, u32),
+    Nothing,
+}
+
+/// What a point sees, look by look; nothing where the first see no back.
+fn look_around(point: Vec3, polygon: u32, geometry: &Geometry) -> Option<Vec<Seen>> {
     let normal = geometry.surfaces[polygon as usize].normal;
     let (tangent, bitangent) = normal.any_orthonormal_pair();
     let far = 4.0 * geometry.scene.diameter as f32;
-    let (mut backs, mut fronts) = (0, Vec::new());
+    let mut seen = Vec::with_capacity(LOOKS.len());
     for (index, &(height, turn)) in LOOKS.iter().enumerate() {
-        if index == FIRST && backs == 0 {
+        if index == FIRST && !seen.iter().any(|seen| matches!(seen, Seen::Back)) {
             return None;
         }
         let (across, along) = libm::sincosf(turn);
@@ -316,17 +339,18 @@ fn look_around(point: Vec3, polygon: u32, geometry: &Geometry) -> Option<(usize,
         let direction = (tangent * along + bitangent * across) * run + normal * rise;
         let start = 2.0 * geometry.tolerance / rise;
         let hit = geometry.bvh.closest(geometry.backend, point.to_array(), direction.to_array(), start, far);
-        let Some(hit) = hit else { continue };
-        let polygon = geometry.polygon_of[hit.primitive as usize];
-        let front = &geometry.scene.polygons[polygon as usize];
-        let solid = front.twin.is_none() && front.mask.is_none() && front.opacity >= 1.0;
-        if solid && geometry.surfaces[polygon as usize].normal.dot(direction) > 0.0 {
-            backs += 1;
-        } else {
-            fronts.push((point + direction * hit.t, polygon));
-        }
+        seen.push(hit.map_or(Seen::Nothing, |hit| {
+            let polygon = geometry.polygon_of[hit.primitive as usize];
+            let front = &geometry.scene.polygons[polygon as usize];
+            let solid = front.twin.is_none() && front.mask.is_none() && front.opacity >= 1.0;
+            if solid && geometry.surfaces[polygon as usize].normal.dot(direction) > 0.0 {
+                Seen::Back
+            } else {
+                Seen::Front(point + direction * hit.t, polygon)
+            }
+        }));
     }
-    Some((backs, fronts))
+    Some(seen)
 }
 
 /// Appends the quarters of `element`, unless it has some, and returns the first.

@@ -59,10 +59,10 @@ pub enum Bound {
 }
 
 /// Bytes that an element takes while it is solved: geometry, and light as fields, means and slopes.
-const ELEMENT: usize = size_of::<crate::geometry::Element>() + 260;
+pub(crate) const ELEMENT: usize = size_of::<crate::geometry::Element>() + 260;
 
 /// Bytes of a link: in its list, and in the copy that a stopped stage returns to.
-const LINK: usize = 2 * size_of::<Link>();
+pub(crate) const LINK: usize = 2 * size_of::<Link>();
 
 /// The bounds of a solve.
 pub(crate) struct Budget<'a> {

@@ -128,7 +128,7 @@ const SMOOTH: f32 = 0.5;
 
 /// Is it enough to interpolate a link's factors over its receiver? A factor bends by the square of what the receiver's size
 /// is to the distance, and a half is left of that between five points.
-fn is_smooth(link: &Link, element: &Element, limit: f32, light: &Light, evaluator: &Evaluator<'_>) -> bool {
+pub(crate) fn is_smooth(link: &Link, element: &Element, limit: f32, light: &Light, evaluator: &Evaluator<'_>) -> bool {
     let (to, other) = evaluator.ball(link.source);
     let own = element.radius();
     let clear = (element.centre().distance(to) - other).max(own);

@@ -6,7 +6,8 @@
 //! 2. Stages ([`Prepared::solve`]). Each refines links in rounds (evaluate all, keep or split each, go on with the parts),
 //!    gathers over them until light settles, gathers once more at the leaves' own points, and asks independent rays how
 //!    wrong that is. The first stage is coarse; each later one lets links leave less, until the asked error is reached.
-//! 3. [`Solved::outcome`]: everything by number.
+//! 3. [`Solved::columns`]: the same light by groups of emitters; [`Solved::outcome`]: everything by number, from which
+//!    [`Solved::regathered`] gathers anew when surfaces change.
 //!
 //! Every parallel loop writes its results in the order of its inputs and every sum has a fixed order, so that results are
 //! the same bits with any number of threads. Random choices are drawn from names of places, never from a clock or an order
@@ -24,6 +25,7 @@ mod evaluate;
 mod field;
 mod final_gather;
 mod geometry;
+mod groups;
 mod leaves;
 mod light;
 mod link;
@@ -31,6 +33,7 @@ mod oracle;
 mod outcome;
 mod rays;
 mod read;
+mod reopen;
 mod rounds;
 mod solve;
 mod spread;
@@ -39,6 +42,8 @@ mod tracer;
 pub use check::{Check, Found};
 pub use control::{Bound, Control};
 pub use final_gather::FinalGather;
-pub use outcome::{ClusterColumns, LinkColumns, Outcome, irradiance_at, irradiance_in};
-pub use solve::{Estimate, Prepared, Request, Solved, Stage};
+pub use groups::{Columns, Given, NO_GROUP, Room};
+pub use outcome::{ClusterColumns, LinkColumns, Outcome, irradiance_at, irradiance_in, light_of};
+pub use reopen::Remains;
+pub use solve::{Estimate, MEMORY, Prepared, Request, Solved, Stage};
 pub use tracer::{Meeting, Tracer};

@@ -510,7 +510,7 @@ fn send_to_members(arriving: &mut [Directional], field: &mut [Field], evaluator:
 
 /// A slope that leaves a share of the mean in every corner: light that falls off towards a side steeper than a line is still
 /// light there.
-fn limited(slope: [Bands; 2], radiosity: Bands, count: u8) -> [Bands; 2] {
+pub(crate) fn limited(slope: [Bands; 2], radiosity: Bands, count: u8) -> [Bands; 2] {
     let mut limited = slope;
     for band in 0..3 {
         let (s, t) = (slope[0][band], slope[1][band]);

@@ -1,7 +1,8 @@
 //! What a solve leaves behind, in the terms of the rest of the system: quadtrees, light, links and clusters by number.
 
 use crate::geometry::NONE;
-use crate::light::Field;
+use crate::groups::is_whole;
+use crate::light::{Field, mean};
 use crate::link::{CLUSTER, State};
 use crate::solve::Solved;
 use isolux_core::DVec3;
@@ -9,6 +10,7 @@ use isolux_core::scene::{Corners, Scene};
 use isolux_core::solution::{Light, Update};
 use isolux_core::tree::{ElementId, Elements};
 use isolux_core::units::Rgb;
+use rayon::prelude::*;
 
 /// Links as columns, sorted by receiver.
 ///
@@ -30,6 +32,8 @@ pub struct LinkColumns {
     /// Where on the source the light comes from, on average: `(s, t)` in [0, 1]² of a quadrilateral's bilinear map, weights
     /// of the second and third corner of a triangle.
     pub centre: Vec<[f32; 2]>,
+    /// 1 where all of the receiver's points see all of the source, 0 where some of it is, or may be, hidden.
+    pub whole: Vec<u8>,
 }
 
 /// The hierarchy above polygons, as columns. Parents come before their children.
@@ -64,9 +68,18 @@ pub struct Outcome {
     pub links: LinkColumns,
     /// Clusters.
     pub clusters: ClusterColumns,
+    /// Area times squared error that one source may leave on a leaf, m² (W/m²)² or m² (lm/m²)²: where more is at stake,
+    /// leaves look at sources part by part.
+    pub limit: f32,
 }
 
 impl Solved {
+    /// Irradiance at the corners and the middle of leaves; of inner elements nothing that counts.
+    #[must_use]
+    pub fn fields(&self) -> &[Field] {
+        &self.light.field
+    }
+
     /// Everything by number.
     #[must_use]
     pub fn outcome(&self, scene: &Scene) -> Outcome {
@@ -95,6 +108,7 @@ impl Solved {
             visibility: links.iter().map(|link| f32::from(link.state.visibility) / 255.0).collect(),
             proven: links.iter().map(|link| u8::from(link.state.is(State::CLEAR))).collect(),
             centre: links.iter().map(|link| link.state.centre()).collect(),
+            whole: links.iter().map(|link| u8::from(is_whole(link.state))).collect(),
         };
         let nodes = &self.transport.clusters.nodes;
         let clusters = ClusterColumns {
@@ -106,20 +120,34 @@ impl Solved {
             parent: nodes.iter().map(|node| node.parent).collect(),
             members: self.transport.clusters.order.clone(),
         };
-        // Means anew in double precision, so that what follows from other values follows to the last bit.
-        let open = |element: &crate::geometry::Element| f64::from(element.open_share());
-        let mut light = Light::emitted(scene, &elements, own.iter().map(open).collect(), Update::InPlace);
-        for (index, element) in own.iter().enumerate().rev() {
-            let id = ElementId(index as u32);
-            if element.first_child == NONE {
-                let irradiance = Rgb(self.light.irradiance[index].map(f64::from));
-                light.settle(id, &scene.polygons[element.polygon as usize], irradiance);
-            } else {
-                light.pull(id, &elements);
-            }
-        }
-        Outcome { elements, light, fields: self.light.field.clone(), links: columns, clusters }
+        let fields = self.light.field.clone();
+        let open = own.iter().map(|element| f64::from(element.open_share())).collect();
+        let light = light_of(scene, &elements, &fields, open);
+        Outcome { elements, light, fields, links: columns, clusters, limit: self.limit }
     }
+}
+
+/// Means by element from the fields of leaves: irradiance where it is above nothing, and what follows from it. In double
+/// precision, so that what follows from other values follows to the last bit. `open_shares`: of leaves.
+#[must_use]
+pub fn light_of(scene: &Scene, elements: &Elements, fields: &[Field], open_shares: Vec<f64>) -> Light {
+    let means: Vec<Rgb> = elements
+        .as_slice()
+        .par_iter()
+        .zip(fields)
+        .with_min_len(1024)
+        .map(|(element, field)| Rgb(mean(field, element.corners.len() as u8).map(|value| f64::from(value.max(0.0)))))
+        .collect();
+    let mut light = Light::emitted(scene, elements, open_shares, Update::InPlace);
+    for (index, element) in elements.as_slice().iter().enumerate().rev() {
+        let id = ElementId(index as u32);
+        if elements.is_leaf(id) {
+            light.settle(id, &scene.polygons[element.polygon as usize], means[index]);
+        } else {
+            light.pull(id, elements);
+        }
+    }
+    light
 }
 
 /// Irradiance at a point of a polygon from the fields of its leaves, W/m² or lm/m².

@@ -252,14 +252,20 @@ impl Transport {
                 let light = now;
                 let area = light.weighted_area(row[0].receiver, &evaluator);
                 let mut sum = Remaining::default();
+                // Over an element all links may miss the same step; members of a cluster miss what they miss each by itself.
+                let is_cluster = row[0].receiver & CLUSTER != 0;
                 let mut together = 0.0;
                 for link in *row {
                     let errors = errors(link, &evaluator, light);
-                    together += errors.receiver;
+                    if is_cluster {
+                        sum.receiver += f64::from(area * errors.receiver * errors.receiver);
+                    } else {
+                        together += errors.receiver;
+                    }
                     sum.source += f64::from(area * errors.source * errors.source);
                     sum.noise += f64::from(area * errors.noise * errors.noise);
                 }
-                sum.receiver = f64::from(area * together * together);
+                sum.receiver += f64::from(area * together * together);
                 (row[0].receiver, together, sum)
             })
             .collect();

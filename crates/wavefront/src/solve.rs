@@ -74,6 +74,8 @@ pub struct Solved {
     pub estimate: Option<Estimate>,
     /// What ended it before the error was reached.
     pub bound: Option<Bound>,
+    /// Area times squared error that one source may leave on a leaf, m² (W/m²)²: what is looked at part by part.
+    pub(crate) limit: f32,
 }
 
 /// The parts of a scene that solves work on, made once.
@@ -97,7 +99,7 @@ const PASS_SHARE: f64 = 0.05;
 const SETTLE_SHARE: f64 = 0.2;
 
 /// Most gathers at the leaves in a stage: each leaves about a tenth of the change before.
-const MOST_SETTLES: u32 = 5;
+pub(crate) const MOST_SETTLES: u32 = 5;
 
 /// What links say they leave may be this much above the asked error where rays find that it is reached.
 const SLACK: f64 = 2.5;
@@ -114,7 +116,7 @@ const VAIN: u32 = 3;
 const WORTH: f64 = 0.1;
 
 /// Bytes at which refinement ends where nothing else was asked for.
-const MEMORY: u64 = 4 << 30;
+pub const MEMORY: u64 = 4 << 30;
 
 /// How much longer than the gathers of the stage before a stage may take: elements grow by the square of what the error falls.
 const GROWTH: f64 = 2.5;
@@ -165,6 +167,7 @@ impl Prepared {
         let mut mean = f64::from(rms(guess));
         // The least error claimed so far, and the stages since that made no better one.
         let (mut best, mut vain) = (f64::INFINITY, 0);
+        let mut settled = 0.0;
         let mut share = FIRST_SHARE * (FIRST_AIM.max(request.error)).powi(2);
         while bound.is_none() {
             control.begin_stage();
@@ -180,6 +183,7 @@ impl Prepared {
             }
             let refined = begun.elapsed();
             let mut passes = settle(&mut light, &transport, limit, area, request.error, 1);
+            settled = leaf_limit(limit);
             mean = mean_irradiance(&light, scene, &transport);
             let mut left = transport.remaining(&mut light);
             let relative = |square: f64, mean: f64| if mean > 0.0 { (square / area).sqrt() / mean } else { 0.0 };
@@ -246,7 +250,7 @@ impl Prepared {
         if bound.is_some() && estimate.is_some_and(|now| now.total <= request.error) && request.dark.is_none() {
             bound = bound.filter(|&bound| bound == Bound::Stop);
         }
-        Solved { geometry: geometry.clone(), transport, light, stages, estimate, bound }
+        Solved { geometry: geometry.clone(), transport, light, stages, estimate, bound, limit: settled }
     }
 }
 
@@ -258,14 +262,25 @@ fn first_guess(scene: &Scene) -> [f32; 3] {
     scene.emitted_power().0.map(|power| (power / area / (1.0 - reflectance.min(0.9))) as f32)
 }
 
+/// What one source may leave on a leaf: a quarter of what a link may, since a leaf sees some such sources at once.
+fn leaf_limit(limit: Limit) -> f32 {
+    0.25 * limit.error
+}
+
 /// Gathers over the links and at the leaves by turns until neither changes much, or so many times; the numbers of both.
-fn settle(light: &mut Light, transport: &Transport, limit: Limit, area: f64, error: f64, most: u32) -> [u32; 2] {
+pub(crate) fn settle(
+    light: &mut Light,
+    transport: &Transport,
+    limit: Limit,
+    area: f64,
+    error: f64,
+    most: u32,
+) -> [u32; 2] {
     let (mut passes, mut settles) = (0, 0);
     loop {
         passes += converge(light, transport, PASS_SHARE * error);
         let before: Vec<f32> = light.radiosity.iter().map(|&radiosity| rms(radiosity)).collect();
-        // A quarter of what a link may leave: a leaf sees some such sources at once.
-        light.settle(&transport.links, 0.25 * limit.error, &transport.evaluator());
+        light.settle(&transport.links, leaf_limit(limit), &transport.evaluator());
         settles += 1;
         let (mut change, mut sum) = (0.0_f64, 0.0_f64);
         for (index, element) in transport.elements.iter().enumerate().filter(|(_, e)| e.first_child == NONE) {

@@ -10,13 +10,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from isolux import __version__
-from isolux.cli import bake, inspect, render, solve, study
+from isolux.cli import bake, inspect, relight, render, solve, study
 from isolux.cli.options import GATHER_RAYS
 from isolux.cli.terminal import say
 from isolux.exceptions import (
     InternalError,
     IsoluxError,
+    NotRelightableError,
     ReadError,
+    RelightError,
     RenderError,
     SceneError,
     SettingsError,
@@ -47,6 +49,7 @@ app.command()(inspect.inspect)
 app.command()(solve.solve)
 app.command()(bake.bake)
 app.command()(render.render)
+app.command()(relight.relight)
 app.command()(study.study)
 
 
@@ -117,7 +120,9 @@ def _failed(error: IsoluxError) -> int:
         return _internal(error)
     say(f"error: {error}")
     match error:
-        case SettingsError() | RenderError() | UsageError():
+        case NotRelightableError():
+            return BAD_INPUT
+        case SettingsError() | RenderError() | RelightError() | UsageError():
             return USAGE
         case SceneError() | ReadError() | SolutionFileError():
             return BAD_INPUT

@@ -24,7 +24,7 @@ def inspect(
     units: Units = None,
     json: JsonTarget = None,
 ) -> int:
-    """Show what is in a scene: extents, polygons, lights, cameras, materials, and every finding.
+    """Show what is in a scene: extents, polygons, lights and their groups, cameras, materials, findings.
 
     Findings are what the file leaves open or gets wrong, and faults of its geometry: flipped faces, corners
     inside neighbours' edges, polygons that overlap in one plane. Each names its object.
@@ -50,6 +50,7 @@ def _show(loaded: Scene, scene: Path, findings: list[Issue], json: str | None) -
         tables.scene(loaded, str(scene)),
         "",
         tables.lights(loaded.lights, loaded.unit) if loaded.lights else "no lights",
+        *(("", tables.light_groups(loaded.light_groups, loaded.unit)) if loaded.lights else ()),
         "",
         tables.materials(loaded.materials, loaded.unit),
         "",
@@ -72,6 +73,10 @@ def _values(scene: Scene, source: Path, findings: list[Issue]) -> dict[str, Any]
         "objects": scene.objects,
         "materials": [dataclasses.asdict(material) for material in scene.materials],
         "lights": [{**dataclasses.asdict(light), "total": light.total} for light in scene.lights],
+        "light_groups": {
+            "by": scene.grouped_by,
+            "groups": [{**dataclasses.asdict(group), "total": group.total} for group in scene.light_groups],
+        },
         "emitted_power": scene.emitted_power,
         "cameras": scene.cameras,
         "issues": [dataclasses.asdict(issue) for issue in findings],

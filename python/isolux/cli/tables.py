@@ -12,11 +12,11 @@ from isolux.scene import total_power
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from isolux.report import Bands, ErrorEstimate, Issue, Report, Unit
-    from isolux.scene import Light, Material, Scene
+    from isolux.report import Bands, ErrorEstimate, GroupsReport, Issue, Report, Unit
+    from isolux.scene import Light, LightGroup, Material, Scene
     from isolux.settings import Settings
 
-__all__ = ["issues", "lights", "materials", "report", "scene"]
+__all__ = ["issues", "light_groups", "lights", "materials", "relit", "report", "scene"]
 
 
 def scene(scene: Scene, source: str) -> Table:
@@ -65,6 +65,15 @@ def lights(lights: Sequence[Light], unit: Unit) -> Table:
             f"{light.total:.6g}",
         )
         for light in lights
+    )
+    return _table(names, rows)
+
+
+def light_groups(groups: Sequence[LightGroup], unit: Unit) -> Table:
+    """Light groups with their power as solved, and their weights."""
+    names = [("light group", "left"), ("polygons", "right"), (f"power, {unit}", "right"), ("weight", "right")]
+    rows = (
+        (group.name, f"{group.polygons:,}", f"{group.total:.6g}", _weight(group.weight)) for group in groups
     )
     return _table(names, rows)
 
@@ -144,12 +153,52 @@ def report(report: Report, target: str) -> Table:
                 f"({sums.largest_object}), mean {sums.mean:.3f}",
             )
         )
+    if report.groups is not None:
+        rows.append(("light groups", _groups(report.groups)))
     phases = ", ".join(f"{phase.name} {phase.seconds:.2f}" for phase in report.phases)
     rows.append(("seconds", f"{report.seconds:.2f} ({phases})"))
     if report.peak_memory:
         rows.append(("peak memory", f"{report.peak_memory / 2**20:,.0f} MiB"))
     rows.append(("result", target))
     return _pairs(rows)
+
+
+def relit(report: Report, target: str) -> Table:
+    """What a relit solution tells of itself."""
+    rows = [("scene", report.scene)]
+    told = report.relit
+    for painted in () if told is None else told.reflectance:
+        rows.append(("reflectance", f"{painted.material} {_bands(painted.reflectance)}"))
+    if report.error_estimate is not None:
+        estimate = _estimate(report.error_estimate)
+        if told is not None and told.carried_over:
+            estimate += " (carried over: the links were refined for other reflectances)"
+        elif told is not None and report.error_estimate != told.error_estimate:
+            estimate += " (that of the solve, by the largest weight and the new mean)"
+        rows.append(("estimated error", estimate))
+    rows += [
+        ("mean irradiance", f"{_bands(report.mean_irradiance)} {report.unit}/m²"),
+        ("seconds", f"{report.seconds:.3f}"),
+        ("result", target),
+    ]
+    return _pairs(rows)
+
+
+def _groups(groups: GroupsReport) -> str:
+    """How many, of what, and whether they can be dimmed."""
+    why = {
+        "object": "by object",
+        "material": "by material, since more than 32 objects emit",
+        "all": "all lights in one, since more than 32 objects and materials emit",
+    }
+    text = f"{len(groups.groups):,}, {why[groups.by]}"
+    if groups.lacking is not None:
+        return f"{text}; cannot be dimmed: {groups.lacking}"
+    return f"{text} ({groups.bytes / 2**20:,.1f} MiB)" if groups.bytes else text
+
+
+def _weight(weight: Bands) -> str:
+    return f"{weight[0]:.4g}" if len(set(weight)) == 1 else _bands(weight)
 
 
 def _asked(settings: Settings) -> str:

@@ -1,0 +1,84 @@
+//! Light groups: a scene comes in, the emitting polygons come out as named sets, as lighting people dim them.
+
+use isolux_core::scene::Scene;
+use isolux_core::units::Rgb;
+use isolux_wavefront::NO_GROUP;
+use serde::{Deserialize, Serialize};
+use std::collections::HashMap;
+
+/// Most groups that are kept apart. Each costs a column of fields, 60 bytes a leaf: 32 of them take as much as a few
+/// million links.
+pub const MOST_GROUPS: usize = 32;
+
+/// Name of the group that holds all emitters where there are too many to be kept apart.
+pub const ALL: &str = "all lights";
+
+/// What groups are made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum GroupedBy {
+    /// One group for each name of an emitting object.
+    Object,
+    /// One for each emitting material: more than [`MOST_GROUPS`] objects emit.
+    Material,
+    /// One for everything: more than that many materials emit, too.
+    All,
+}
+
+/// A set of emitting polygons.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LightGroup {
+    /// Its name, unique within a scene.
+    pub name: String,
+    /// One-sided polygons that emit.
+    pub polygons: u64,
+    /// Their area, m².
+    pub area: f64,
+    /// Emitted power per band, W or lm.
+    pub power: Rgb,
+}
+
+/// The light groups of a scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LightGroups {
+    /// What they are made of.
+    pub by: GroupedBy,
+    /// The groups, in the order in which their first polygons come.
+    pub groups: Vec<LightGroup>,
+    /// By polygon: its row of `groups`, or [`NO_GROUP`] where it emits nothing.
+    pub of: Vec<u32>,
+}
+
+/// Groups what emits in `scene`: by the names of objects, where these are too many by materials, where these are too many,
+/// too, all in one.
+#[must_use]
+pub fn light_groups(scene: &Scene) -> LightGroups {
+    let by_object = grouped(scene, |polygon| scene.object_name(polygon));
+    if by_object.groups.len() <= MOST_GROUPS {
+        return LightGroups { by: GroupedBy::Object, ..by_object };
+    }
+    let material = |polygon: u32| scene.materials[scene.polygons[polygon as usize].material as usize].name.as_str();
+    let by_material = grouped(scene, material);
+    if by_material.groups.len() <= MOST_GROUPS {
+        return LightGroups { by: GroupedBy::Material, ..by_material };
+    }
+    grouped(scene, |_| ALL)
+}
+
+fn grouped<'a>(scene: &Scene, name_of: impl Fn(u32) -> &'a str) -> LightGroups {
+    let mut rows: HashMap<&str, u32> = HashMap::new();
+    let mut found = LightGroups { by: GroupedBy::All, groups: Vec::new(), of: vec![NO_GROUP; scene.polygons.len()] };
+    for (index, polygon) in scene.polygons.iter().enumerate().filter(|(_, polygon)| polygon.emission != Rgb::ZERO) {
+        let name = name_of(index as u32);
+        let row = *rows.entry(name).or_insert(found.groups.len() as u32);
+        if row as usize == found.groups.len() {
+            found.groups.push(LightGroup { name: name.to_owned(), polygons: 0, area: 0.0, power: Rgb::ZERO });
+        }
+        let group = &mut found.groups[row as usize];
+        group.polygons += 1;
+        group.area += polygon.area;
+        group.power += polygon.emission * polygon.area;
+        found.of[index] = row;
+    }
+    found
+}

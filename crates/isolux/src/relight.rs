@@ -1,0 +1,275 @@
+//! Relighting: a solution of `wavefront` and new weights of its light groups go in, the solution of the dimmed scene comes
+//! out, without a gather; with new reflectances, after gathers over the links that are there, without a ray.
+
+use crate::groups::light_groups;
+use crate::report::{ErrorEstimate, PhaseReport, ReflectanceReport, RelitReport, WeightReport};
+use crate::wavefront::{Columns, Transported, solution};
+use crate::{RelightError, Report, Solution};
+use isolux_core::scene::{Alpha, Scene};
+use isolux_core::solution::Light;
+use isolux_core::tree::ElementId;
+use isolux_core::units::Rgb;
+use isolux_wavefront::{Control, NO_GROUP, Remains, Room, Solved, light_of};
+use rayon::prelude::*;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Irradiance at an element's corners and middle.
+pub(crate) type Field = [[f32; 3]; 5];
+
+/// What is to change.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Changes {
+    /// Factor on the emission of light groups, per band, by name; 1 for those that are not named. They refer to the scene
+    /// as it was solved, whatever weights a relit solution has already.
+    pub weights: Vec<(String, [f64; 3])>,
+    /// Diffuse reflectance of materials, per band, by name; those that are not named keep theirs.
+    pub reflectance: Vec<(String, [f64; 3])>,
+    /// Threads; 0: all cores. Never changes a result.
+    pub threads: usize,
+}
+
+/// Leaves of the total from those of the columns, by leaf: sums in the order of the groups.
+pub(crate) fn mixed(columns: &[Vec<Field>], weights: &[[f64; 3]]) -> Vec<Field> {
+    let weights: Vec<[f32; 3]> = weights.iter().map(|weight| weight.map(|band| band as f32)).collect();
+    let leaves = columns.first().map_or(0, Vec::len);
+    (0..leaves)
+        .into_par_iter()
+        .with_min_len(1024)
+        .map(|leaf| {
+            let mut sum = [[0.0; 3]; 5];
+            for (column, weight) in columns.iter().zip(&weights) {
+                for (sum, value) in sum.iter_mut().zip(&column[leaf]) {
+                    (0..3).for_each(|band| sum[band] += weight[band] * value[band]);
+                }
+            }
+            sum
+        })
+        .collect()
+}
+
+/// Puts fields of leaves, in ascending order, in their places.
+pub(crate) fn place(solution: &isolux_core::tree::Elements, leaves: Vec<Field>, fields: &mut [Field]) {
+    for (leaf, field) in solution.leaves().zip(leaves) {
+        fields[leaf.index()] = field;
+    }
+}
+
+impl Solution {
+    /// The solution of the same scene with its light groups dimmed, brightened or coloured: exact to rounding, since light
+    /// is linear in what is emitted. With other reflectances light is gathered anew over the same links, which were refined
+    /// for the old ones.
+    ///
+    /// # Errors
+    /// [`RelightError`] for solutions that have no light by groups, and for names and values that make no sense.
+    pub fn relight(&self, changes: &Changes) -> Result<Solution, RelightError> {
+        if changes.threads == 0 {
+            return relit(self, changes);
+        }
+        let refused = |_| crate::SettingsError::Value {
+            name: "threads",
+            value: changes.threads.to_string(),
+            expected: "as many threads as the system grants",
+        };
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(changes.threads).build().map_err(refused)?;
+        pool.install(|| relit(self, changes))
+    }
+}
+
+fn relit(old: &Solution, changes: &Changes) -> Result<Solution, RelightError> {
+    let start = Instant::now();
+    let Some(transport) = &old.transport else {
+        return Err(RelightError::Schedule { schedule: old.report.schedule.name() });
+    };
+    let mut columns = match &transport.columns {
+        Some(columns) => columns.clone(),
+        None => Arc::new(only_column(old, transport)?),
+    };
+    let weights = weights_of(&columns.names, &changes.weights)?;
+    let known = &old.report.relit;
+    let mut origin = known.clone().unwrap_or_else(|| RelitReport {
+        scene_hash: old.report.scene_hash.clone(),
+        mean_irradiance: old.report.mean_irradiance,
+        error_estimate: old.report.error_estimate,
+        weights: Vec::new(),
+        reflectance: Vec::new(),
+    });
+    let mut scene = Scene::clone(&old.scene);
+    let elements = &old.hierarchy.elements;
+    let open = old.hierarchy.light.open_shares();
+    let mut fields = transport.fields.clone();
+    if !changes.reflectance.is_empty() {
+        if transport.limit <= 0.0 {
+            return Err(RelightError::Unprepared { why: "it was written by an older version".into() });
+        }
+        for (name, value) in &changes.reflectance {
+            repaint(&mut scene, name, *value)?;
+            origin.reflectance.retain(|entry| entry.material != *name);
+            origin.reflectance.push(ReflectanceReport { material: name.clone(), reflectance: Rgb(*value) });
+        }
+        // As all groups are lit as they were solved.
+        let whole = vec![[1.0; 3]; columns.names.len()];
+        emit(&mut scene, &columns, &whole);
+        place(elements, mixed(&columns.fields, &whole), &mut fields);
+        let anew = regathered(&scene, old, transport, &fields, &columns)?;
+        columns = Arc::new(Columns { fields: anew, ..Columns::clone(&columns) });
+        place(elements, mixed(&columns.fields, &whole), &mut fields);
+        origin.mean_irradiance = mean_irradiance(&scene, &light_of(&scene, elements, &fields, open.to_vec()));
+    }
+    emit(&mut scene, &columns, &weights);
+    scene.hash = scene.compute_hash();
+    let mix = || {
+        place(elements, mixed(&columns.fields, &weights), &mut fields);
+        light_of(&scene, elements, &fields, open.to_vec())
+    };
+    let (light, elements) = rayon::join(mix, || elements.clone());
+    let mean = mean_irradiance(&scene, &light);
+    let is_as_solved = origin.reflectance.is_empty() && weights.iter().all(|weight| *weight == [1.0; 3]);
+    let error_estimate = estimate(&origin, &weights, mean);
+    origin.weights = columns
+        .names
+        .iter()
+        .zip(&weights)
+        .map(|(name, &weight)| WeightReport { group: name.clone(), weight: Rgb(weight) })
+        .collect();
+    let report = Report {
+        scene_hash: scene.hash_text(),
+        mean_irradiance: mean,
+        error_estimate,
+        relit: (!is_as_solved).then_some(origin),
+        phases: vec![PhaseReport { name: "relight".into(), seconds: start.elapsed().as_secs_f64() }],
+        ..old.report.clone()
+    };
+    let transport = Transported { fields, columns: Some(columns), ..transport.clone() };
+    Ok(solution(Arc::new(scene), elements, light, old.active.clone(), transport, report))
+}
+
+/// The column of a scene that has one group: all of its light.
+fn only_column(old: &Solution, transport: &Transported) -> Result<Columns, RelightError> {
+    let found = light_groups(&old.scene);
+    if found.groups.len() != 1 {
+        let why = old.report.groups.as_ref().and_then(|groups| groups.lacking.clone());
+        let why = why.unwrap_or_else(|| "it was written by an older version, or cancelled".into());
+        return Err(RelightError::Unprepared { why });
+    }
+    let fields = old.hierarchy.elements.leaves().map(|leaf| transport.fields[leaf.index()]).collect();
+    Ok(Columns {
+        names: found.groups.into_iter().map(|group| group.name).collect(),
+        of: found.of,
+        emission: old.scene.polygons.iter().map(|polygon| polygon.emission).collect(),
+        fields: vec![fields],
+    })
+}
+
+/// Weights by group; each name must exist, each weight be finite and not negative.
+fn weights_of(names: &[String], given: &[(String, [f64; 3])]) -> Result<Vec<[f64; 3]>, RelightError> {
+    let mut weights = vec![[1.0; 3]; names.len()];
+    for (name, weight) in given {
+        let Some(row) = names.iter().position(|known| known == name) else {
+            return Err(RelightError::NoSuchGroup { name: name.clone(), available: names.join(", ") });
+        };
+        // What does not fit single precision is a slip.
+        if let Some(value) = weight.iter().find(|&&value| !(value >= 0.0 && value <= f64::from(f32::MAX).sqrt())) {
+            return Err(RelightError::Weight { name: name.clone(), value: value.to_string() });
+        }
+        weights[row] = *weight;
+    }
+    Ok(weights)
+}
+
+/// Emissions as solved times weights; those of materials, too, where all that is made of one is dimmed alike.
+fn emit(scene: &mut Scene, columns: &Columns, weights: &[[f64; 3]]) {
+    let mut of_material: Vec<Vec<Rgb>> = vec![Vec::new(); scene.materials.len()];
+    for (index, polygon) in scene.polygons.iter_mut().enumerate() {
+        if columns.of[index] == NO_GROUP {
+            continue;
+        }
+        polygon.emission = columns.emission[index] * Rgb(weights[columns.of[index] as usize]);
+        let seen = &mut of_material[polygon.material as usize];
+        if !seen.contains(&polygon.emission) {
+            seen.push(polygon.emission);
+        }
+    }
+    for (material, seen) in scene.materials.iter_mut().zip(of_material) {
+        if let [emission] = *seen {
+            material.surface.emission = emission;
+        }
+    }
+}
+
+/// Gives a material another reflectance. Its texture goes, since it says what the reflectance was; a cut-out keeps it, for
+/// its holes.
+fn repaint(scene: &mut Scene, name: &str, value: [f64; 3]) -> Result<(), RelightError> {
+    let Some(row) = scene.materials.iter().position(|material| material.name == name) else {
+        let names: Vec<&str> = scene.materials.iter().map(|material| material.name.as_str()).collect();
+        return Err(RelightError::NoSuchMaterial { name: name.to_owned(), available: names.join(", ") });
+    };
+    let own = scene.polygons.iter().filter(|polygon| polygon.material as usize == row);
+    let most = own.map(|polygon| polygon.opacity).fold(1.0, f64::min);
+    if let Some(&wrong) = value.iter().find(|&&band| !(0.0..1.0).contains(&band) || band > most) {
+        return Err(RelightError::Reflectance { name: name.to_owned(), value: wrong.to_string(), most });
+    }
+    for polygon in scene.polygons.iter_mut().filter(|polygon| polygon.material as usize == row) {
+        polygon.reflectance = Rgb(value);
+    }
+    let material = &mut scene.materials[row];
+    material.surface.reflectance = Rgb(value);
+    if !matches!(material.alpha, Alpha::Mask(_)) {
+        material.texture = None;
+    }
+    Ok(())
+}
+
+/// Columns of a scene whose surfaces changed, over the links that are there.
+fn regathered(
+    scene: &Scene,
+    old: &Solution,
+    transport: &Transported,
+    fields: &[Field],
+    columns: &Columns,
+) -> Result<Vec<Vec<Field>>, RelightError> {
+    let error = old.report.settings.error;
+    let remains = Remains {
+        elements: &old.hierarchy.elements,
+        open_shares: old.hierarchy.light.open_shares(),
+        fields,
+        links: &transport.links,
+        clusters: &transport.clusters,
+        limit: transport.limit,
+    };
+    let solved = Solved::regathered(Arc::new(scene.clone()), &remains, error);
+    let groups = columns.names.len();
+    if groups == 1 {
+        let fields = solved.fields();
+        return Ok(vec![old.hierarchy.elements.leaves().map(|leaf| fields[leaf.index()]).collect()]);
+    }
+    // Nothing stops it and nothing bounds it.
+    let found = solved.columns(&columns.of, groups, error, Room::default(), &Control::default());
+    found.map(|found| found.fields).map_err(|given| RelightError::Internal(format!("columns ended: {given:?}")))
+}
+
+/// Mean over the fronts, by area, W/m² or lm/m².
+fn mean_irradiance(scene: &Scene, light: &Light) -> Rgb {
+    let fronts = scene.polygons[..scene.fronts].iter().enumerate();
+    fronts.map(|(root, front)| light.irradiance(ElementId(root as u32)) * front.area).sum::<Rgb>() / scene.area()
+}
+
+/// The error of a mix.
+///
+/// What is known is the error of all groups together, e m with the mean irradiance m. Where the groups' errors do not
+/// cancel each other in that sum, a mix has at most the largest weight w times as much, whatever the other weights are:
+/// w e m, which relative to the mix's own mean n is `w e m / n`. If all weights are equal nothing changes; of the darker
+/// half nothing is known otherwise.
+fn estimate(origin: &RelitReport, weights: &[[f64; 3]], mean: Rgb) -> Option<ErrorEstimate> {
+    let known = origin.error_estimate?;
+    let all = || weights.iter().flatten().copied();
+    let most = all().fold(0.0, f64::max);
+    if most == 0.0 {
+        return Some(ErrorEstimate { total: 0.0, dark: None });
+    }
+    if all().all(|weight| weight == most) {
+        return Some(known);
+    }
+    let (before, now) = (origin.mean_irradiance.mean(), mean.mean());
+    (now > 0.0).then(|| ErrorEstimate { total: known.total * most * before / now, dark: None })
+}

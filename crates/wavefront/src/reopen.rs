@@ -1,0 +1,131 @@
+//! A solve from what it left behind: elements, links, clusters and fields by number go in, a solve that can gather over its
+//! links again comes out. No ray is traced.
+
+use crate::clusters::{Cluster, Clusters};
+use crate::geometry::{Geometry, NONE};
+use crate::light::Light;
+use crate::link::{CLUSTER, Link, State};
+use crate::outcome::{ClusterColumns, LinkColumns};
+use crate::rounds::{Limit, Transport};
+use crate::solve::{MOST_SETTLES, Solved, settle};
+use glam::{DVec3, Vec3};
+use isolux_core::scene::Scene;
+use isolux_core::tree::Elements;
+use std::sync::Arc;
+
+/// What a solve left behind; all of it must fit together, see [`crate::Outcome`].
+#[derive(Clone, Copy, Debug)]
+pub struct Remains<'a> {
+    /// All quadtrees.
+    pub elements: &'a Elements,
+    /// Shares of the elements that nothing covers.
+    pub open_shares: &'a [f64],
+    /// Irradiance of leaves.
+    pub fields: &'a [[[f32; 3]; 5]],
+    /// Links.
+    pub links: &'a LinkColumns,
+    /// Clusters.
+    pub clusters: &'a ClusterColumns,
+    /// [`crate::Outcome::limit`].
+    pub limit: f32,
+}
+
+impl Solved {
+    /// Gathers anew over the links that a solve of the same polygons left behind, with the reflectances and emissions that
+    /// `scene` has now, until the light changes by less than a share of `error`.
+    #[must_use]
+    pub fn regathered(scene: Arc<Scene>, remains: &Remains<'_>, error: f64) -> Solved {
+        let geometry = Geometry::new(scene.clone());
+        let mut elements = geometry.bare_roots();
+        // Quarters are appended in the order of their numbers.
+        let mut parents: Vec<(u32, u32)> = remains
+            .elements
+            .as_slice()
+            .iter()
+            .enumerate()
+            .filter_map(|(index, element)| element.first_child.some().map(|first| (first.0, index as u32)))
+            .collect();
+        parents.sort_unstable();
+        for (first, parent) in parents {
+            let quarters = elements[parent as usize].quarters(parent);
+            elements[parent as usize].first_child = first;
+            elements.extend(quarters);
+        }
+        for (element, share) in elements.iter_mut().zip(remains.open_shares) {
+            // What counts of a leaf is how many of its sixteen parts are open.
+            let parts = (share * 16.0).round().clamp(0.0, 16.0) as u32;
+            element.open = if element.first_child == NONE { ((1_u32 << parts) - 1) as u16 } else { u16::MAX };
+        }
+        let clusters = clusters_of(remains.clusters, &elements, geometry.middle);
+        let count = elements.len() as u32;
+        let links = links_of(remains.links, count);
+        let mut light = Light::even([0.0; 3], &geometry, &clusters, &elements);
+        light.field = remains.fields.to_vec();
+        light.pull(&geometry, &clusters, &elements);
+        let geometry = Arc::new(geometry);
+        let transport = Transport {
+            geometry: geometry.clone(),
+            clusters: Arc::new(clusters),
+            elements,
+            links,
+            dark: Vec::new(),
+            alone: Vec::new(),
+            seed: 0,
+            evaluated: 0,
+            packets: 0,
+        };
+        light.settle(&transport.links, remains.limit, &transport.evaluator());
+        // A leaf's limit is a quarter of a link's, see `settle`.
+        let limit = Limit { error: 4.0 * remains.limit, area: 0.0 };
+        settle(&mut light, &transport, limit, scene.area(), error, MOST_SETTLES);
+        Solved { geometry, transport, light, stages: Vec::new(), estimate: None, bound: None, limit: remains.limit }
+    }
+}
+
+fn clusters_of(columns: &ClusterColumns, roots: &[crate::geometry::Element], middle: DVec3) -> Clusters {
+    let count = columns.parent.len();
+    let mut nodes: Vec<Cluster> = (0..count)
+        .map(|index| {
+            let centre = (DVec3::from_array(columns.centre[index]) - middle).as_vec3();
+            let half = Vec3::splat(columns.radius[index]);
+            Cluster {
+                low: centre - half,
+                high: centre + half,
+                centre,
+                radius: columns.radius[index],
+                area: columns.area[index],
+                first: columns.first[index],
+                count: columns.count[index],
+                parent: columns.parent[index],
+                second: 0,
+            }
+        })
+        .collect();
+    // The first child comes directly after its parent, the other one is the second.
+    for index in 1..count {
+        let parent = columns.parent[index] as usize;
+        if parent + 1 != index {
+            nodes[parent].second = index as u32;
+        }
+    }
+    Clusters::from_parts(nodes, columns.members.clone(), roots)
+}
+
+fn links_of(columns: &LinkColumns, elements: u32) -> Vec<Link> {
+    let node = |number: u32| if number < elements { number } else { (number - elements) | CLUSTER };
+    let mut links: Vec<Link> = (0..columns.receiver.len())
+        .map(|index| {
+            let visibility = (columns.visibility[index] * 255.0).round() as u8;
+            let flags = if columns.proven[index] == 1 { State::CLEAR } else { 0 };
+            let spread = u8::from(columns.whole[index] == 0);
+            Link {
+                receiver: node(columns.receiver[index]),
+                source: node(columns.source[index]),
+                factors: columns.factors[index],
+                state: State::new(visibility, spread, 0, flags, columns.centre[index]),
+            }
+        })
+        .collect();
+    links.sort_by_key(|link| (link.receiver & CLUSTER == 0, link.receiver));
+    links
+}
