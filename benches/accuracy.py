@@ -1,13 +1,15 @@
 #!/usr/bin/env python3
 """Whether a solve reaches the error that is asked: scenes with references in, asked and measured errors out.
 
-    python benches/accuracy.py [--scene room ...] [--error 0.1 0.05 ...] [--threads 2] [--python PYTHON]
-                               [--yardstick DIR] [--csv FILE] [--json FILE]
+    python benches/accuracy.py [--scene room ...] [--error 0.1 0.05 ...] [--schedule wavefront] [--time 20]
+                               [--threads 2] [--python PYTHON] [--yardstick DIR] [--csv FILE] [--json FILE]
 
 Each line is a process of its own that loads, solves and reads irradiance at the reference's points; seconds
-and MB are that whole process's. `harness.scores` says what rms, dark, bias, p95 and leak are. --yardstick
-takes the scenes of a folder with scenes/NAME.glb, points/NAME.npz and ref/NAME.npz instead of ours. Needs
-NumPy; PYTHON needs isolux.
+and megabytes are that whole process's, solve the solve's alone. `harness.scores` says what rms, dark, bias,
+p95 and leak are; claimed and claimed_dark are the solve's own estimates of rms and dark. Points that
+something covers do not count (`harness.Case.counted`). --time bounds each solve, schedule wavefront only.
+--yardstick takes the scenes of a folder with scenes/NAME.glb, points/NAME.npz and ref/NAME.npz instead of
+ours. Needs NumPy; PYTHON needs isolux.
 """
 
 from __future__ import annotations
@@ -26,15 +28,16 @@ COLUMNS: dict[str, harness.Shown] = {
     "scene": str,
     "asked": harness.share,
     "rms": harness.share,
+    "claimed": harness.share,
     "met": lambda met: {True: "yes", False: "NO", None: "-"}[met],
     "dark": harness.share,
+    "claimed_dark": harness.share,
     "bias": harness.share,
     "p95": harness.share,
     "leak": harness.share,
-    "estimate": harness.share,
-    "estimate_dark": harness.share,
     "elements": harness.number,
     "links": harness.number,
+    "solve": harness.number,
     "seconds": harness.number,
     "megabytes": harness.number,
     "note": lambda note: note or "",
@@ -42,21 +45,30 @@ COLUMNS: dict[str, harness.Shown] = {
 
 
 def measure(
-    case: harness.Case, scene: Path, error: float, python: str, threads: int, timeout: float
+    case: harness.Case,
+    scene: Path,
+    error: float,
+    python: str,
+    threads: int,
+    timeout: float,
+    options: tuple[str, ...] = (),
 ) -> dict[str, Any]:
-    """One line of the table."""
+    """One line of the table; `options` are solve_once.py's."""
     row: dict[str, Any] = {"scene": case.name, "asked": error}
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "irradiance.npy"
         script = Path(__file__).with_name("solve_once.py")
         run = harness.child(
-            [python, script, scene, str(error), str(threads), case.points, out], timeout, threads
+            [python, script, scene, str(error), str(threads), case.points, out, *options], timeout, threads
         )
         row["seconds"] = run.seconds
         if run.result is None:
             return {**row, "note": run.failure}
-        found = harness.scores(case.load(), np.load(out))
-    notes = [run.result.pop("status") or ""]
+        reference = case.load()
+        counted = case.counted(reference)
+        found = harness.scores(reference.only(counted), np.load(out)[counted])
+    status, bound = run.result.pop("status") or "", run.result.pop("bound", None)
+    notes = [f"{status} ({bound})" if bound else status]
     if found["missing"]:
         notes.append(f"{found['missing']:.0f} points without a value")
     note = ", ".join(note for note in notes if note not in ("", "converged"))
@@ -70,6 +82,8 @@ def main() -> None:
     )
     parser.add_argument("--scene", nargs="*", help="without: all that have a reference")
     parser.add_argument("--error", nargs="*", type=float, default=ERRORS)
+    parser.add_argument("--schedule", choices=("wavefront", "sequential"), default="wavefront")
+    parser.add_argument("--time", type=float, help="seconds after which a solve ends with what it has")
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--python", default=sys.executable, help="the interpreter that has isolux")
     parser.add_argument("--timeout", type=float, default=600.0, help="seconds per run")
@@ -77,12 +91,17 @@ def main() -> None:
     parser.add_argument("--csv", type=Path)
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
+    options = ("--schedule", arguments.schedule)
+    if arguments.time is not None:
+        options += ("--time", str(arguments.time))
     rows: list[dict[str, Any]] = []
     print(harness.markdown([], COLUMNS))
     for case in harness.chosen(arguments.scene, arguments.yardstick):
         with case.file() as scene:
             for error in sorted(arguments.error, reverse=True):
-                row = measure(case, scene, error, arguments.python, arguments.threads, arguments.timeout)
+                row = measure(
+                    case, scene, error, arguments.python, arguments.threads, arguments.timeout, options
+                )
                 rows.append(row)
                 print(harness.line(row, COLUMNS), flush=True)
     harness.store(rows, arguments.csv, arguments.json)

@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
 """How the cost of a solve grows with the scene: sizes in, seconds and memory with their exponent out.
 
-    python benches/growth.py [--scene objects city] [--triangles 1000 3000 ...] [--error 0.1] [--threads 2]
-                             [--timeout 600] [--python PYTHON] [--csv FILE] [--json FILE]
+    python benches/growth.py [--scene objects city] [--triangles 1000 3000 ...] [--error 0.1]
+                             [--schedule wavefront] [--time SECONDS] [--threads 2] [--timeout 600]
+                             [--python PYTHON] [--csv FILE] [--json FILE]
 
 The scenes are those of scenes/large.py, made anew for each size. Each line is a process of its own; after
 one that fails or takes longer than the time-out, larger sizes of that scene are left out. The exponent is the
@@ -35,17 +36,26 @@ COLUMNS: dict[str, harness.Shown] = {
 }
 
 
-def measure(name: str, size: int, error: float, python: str, threads: int, timeout: float) -> dict[str, Any]:
-    """One line of the table."""
+def measure(
+    name: str,
+    size: int,
+    error: float,
+    python: str,
+    threads: int,
+    timeout: float,
+    options: tuple[str, ...] = (),
+) -> dict[str, Any]:
+    """One line of the table; `options` are solve_once.py's."""
     with tempfile.TemporaryDirectory() as folder:
         path = harness.generated(name, Path(folder), size)
         row: dict[str, Any] = {"scene": name, "triangles": len(harness.read_glb(path).triangles)}
         script = Path(__file__).with_name("solve_once.py")
-        run = harness.child([python, script, path, str(error), str(threads)], timeout, threads)
+        run = harness.child([python, script, path, str(error), str(threads), *options], timeout, threads)
     row["seconds"] = run.seconds
     if run.result is None:
         return {**row, "note": run.failure}
     status = run.result.pop("status")
+    run.result.pop("bound", None)
     return {**row, **run.result, "note": "" if status == "converged" else status}
 
 
@@ -66,21 +76,27 @@ def main() -> None:
     parser.add_argument("--scene", nargs="*", choices=("objects", "city"), default=("objects", "city"))
     parser.add_argument("--triangles", nargs="*", type=int, default=TRIANGLES)
     parser.add_argument("--error", type=float, default=0.1)
+    parser.add_argument("--schedule", choices=("wavefront", "sequential"), default="wavefront")
+    parser.add_argument("--time", type=float, help="seconds after which a solve ends with what it has")
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--timeout", type=float, default=600.0, help="seconds per run")
     parser.add_argument("--python", default=sys.executable, help="the interpreter that has isolux")
     parser.add_argument("--csv", type=Path)
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
+    options = ("--schedule", arguments.schedule)
+    if arguments.time is not None:
+        options += ("--time", str(arguments.time))
     rows: list[dict[str, Any]] = []
     summary = []
     print(harness.markdown([], COLUMNS))
     for name in arguments.scene:
         own: list[dict[str, Any]] = []
         for size in sorted(arguments.triangles):
-            own.append(
-                measure(name, size, arguments.error, arguments.python, arguments.threads, arguments.timeout)
+            row = measure(
+                name, size, arguments.error, arguments.python, arguments.threads, arguments.timeout, options
             )
+            own.append(row)
             print(harness.line(own[-1], COLUMNS), flush=True)
             if "solve" not in own[-1]:
                 break

@@ -36,6 +36,8 @@ SCENES = ROOT / "scenes"
 REFERENCES = Path(__file__).resolve().parent / "references"
 #: Bytes per component and NumPy's letter, by glTF's number of a component type (glTF 2.0, section 3.6.2.2).
 COMPONENTS = {5121: "<u1", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+#: Distance before a front at which a place is looked up in a scene's `black`, metres (scenes/leaks/make.py).
+BEFORE = 1e-3
 #: Threads of libraries that would otherwise start one per core beside those that are asked for.
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 
@@ -86,6 +88,19 @@ class Surfaces:
         size = 1 + np.abs(self.triangles).max(axis=2, keepdims=True)
         moved = share * size * self.normals[:, None] * np.array(backed)[:, None, None]
         return np.asarray(self.triangles + moved)
+
+    def is_free(self, place: Floats, direction: Floats) -> NDArray[np.bool_]:
+        """Whether places (n,) of a closed scene lie in no solid: rays meet more fronts than backs."""
+        level = np.einsum("ix,ix->i", self.normals, self.triangles[:, 0])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            distance = (level - place @ self.normals.T) / (direction @ self.normals.T)
+            hit = place[:, None] + distance[..., None] * direction[:, None]
+            met = distance > 0
+            for k in range(3):
+                corner, side = self.triangles[:, k], self.triangles[:, (k + 1) % 3] - self.triangles[:, k]
+                met &= np.einsum("nix,ix->ni", hit - corner, np.cross(self.normals, side)) >= 0
+        turned = np.sign(direction @ self.normals.T)
+        return np.asarray(np.where(met, turned, 0.0).sum(axis=1) < 0)
 
     def _cross(self) -> Floats:
         a, b, c = self.triangles.transpose(1, 0, 2)
@@ -158,6 +173,15 @@ class Reference:
     irradiance: Floats
     error: Floats
 
+    @property
+    def unlit(self) -> NDArray[np.bool_]:
+        """Points that see nothing (n,): exactly 0, without any noise."""
+        return np.asarray(((self.irradiance == 0) & (self.error == 0)).all(axis=1))
+
+    def only(self, points: NDArray[np.bool_]) -> Reference:
+        """The reference at some of its points."""
+        return Reference(self.face[points], self.bary[points], self.irradiance[points], self.error[points])
+
 
 @dataclass(frozen=True)
 class Case:
@@ -176,6 +200,28 @@ class Case:
             return
         with tempfile.TemporaryDirectory() as folder:
             yield generated(self.name, Path(folder))
+
+    def counted(self, reference: Reference) -> NDArray[np.bool_]:
+        """Points (n,) that count: all but those that something covers.
+
+        Light reaches no point at exactly 0. It counts, as a dark place, if it looks into a space that the
+        scene's JSON lists as `black` (scenes/leaks) and that is not the inside of something solid; something
+        lies on all others.
+        """
+        unlit = reference.unlit
+        record = self.scene.with_suffix(".json") if self.scene is not None else None
+        spaces = []
+        if unlit.any() and record is not None and record.exists():
+            spaces = json.loads(record.read_text(encoding="utf-8")).get("black", [])
+        if not spaces or self.scene is None:
+            return np.asarray(~unlit)
+        surfaces = read_glb(self.scene)
+        normal = surfaces.normals[reference.face]
+        place = surfaces.at(reference.face, reference.bary) + BEFORE * normal
+        inside = np.any([((place > low) & (place < high)).all(axis=1) for low, high in spaces], axis=0)
+        dark = np.asarray(unlit & inside, dtype=bool)
+        dark[dark] = surfaces.is_free(place[dark], normal[dark])
+        return np.asarray(~unlit | dark)
 
     def load(self) -> Reference:
         """The stored reference."""
@@ -234,7 +280,7 @@ def scores(reference: Reference, irradiance: Floats) -> dict[str, float]:
     mean = float(reference.irradiance.mean())
     brightness = reference.irradiance.mean(axis=1)
     dark = np.asarray(brightness <= np.median(brightness))
-    black = np.asarray(((reference.irradiance == 0) & (reference.error == 0)).all(axis=1))
+    black = reference.unlit
     return {
         "rms": _rms(d, reference.error, mean),
         "dark": _rms(d[dark], reference.error[dark], float(reference.irradiance[dark].mean())),

@@ -8,7 +8,7 @@ Mitsuba 3 (`pip install mitsuba`, and LLVM) and Blender's Cycles (`pip install b
 points and nowhere else, each level of samples in a process of its own, until the least error or the time-out
 is reached; seconds are that whole process's. PYTHON is the interpreter that has the peer; one that is not
 installed is left out, and said so. Mitsuba sees what points reflect: those that reflect less than `LEAST` are
-left out there. Needs NumPy.
+left out there. Points that something covers do not count, as in accuracy.py. Needs NumPy.
 """
 
 from __future__ import annotations
@@ -210,9 +210,13 @@ def measure(
         if run.result is None:
             return {**row, "note": run.failure}
         values, reference = np.load(out), case.load()
-    found = np.isfinite(values).all(axis=1)
-    part = harness.Reference(*(array[found] for array in vars(reference).values()))
-    return {**row, **harness.scores(part, values[found]), "points": int(found.sum()), **run.result}
+    found = np.isfinite(values).all(axis=1) & case.counted(reference)
+    return {
+        **row,
+        **harness.scores(reference.only(found), values[found]),
+        "points": int(found.sum()),
+        **run.result,
+    }
 
 
 def seconds_to(error: float, rows: list[dict[str, Any]]) -> str:
