@@ -2,6 +2,7 @@
 //! links again comes out. No ray is traced.
 
 use crate::clusters::{Cluster, Clusters};
+use crate::control::Control;
 use crate::geometry::{Geometry, NONE};
 use crate::light::Light;
 use crate::link::{CLUSTER, Link, State};
@@ -77,7 +78,7 @@ impl Solved {
         light.settle(&transport.links, remains.limit, &transport.evaluator());
         // A leaf's limit is a quarter of a link's, see `settle`.
         let limit = Limit { error: 4.0 * remains.limit, area: 0.0 };
-        settle(&mut light, &transport, limit, scene.area(), error, MOST_SETTLES);
+        settle(&mut light, &transport, limit, scene.area(), error, MOST_SETTLES, &Control::default());
         Solved { geometry, transport, light, stages: Vec::new(), estimate: None, bound: None, limit: remains.limit }
     }
 }

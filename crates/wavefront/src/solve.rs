@@ -182,7 +182,7 @@ impl Prepared {
                 break;
             }
             let refined = begun.elapsed();
-            let mut passes = settle(&mut light, &transport, limit, area, request.error, 1);
+            let mut passes = settle(&mut light, &transport, limit, area, request.error, 1, control);
             settled = leaf_limit(limit);
             mean = mean_irradiance(&light, scene, &transport);
             let mut left = transport.remaining(&mut light);
@@ -190,11 +190,15 @@ impl Prepared {
             let mut by_links = relative(left.sum(), mean);
             if bound.is_some() || by_links <= SLACK * request.error {
                 // To go on with, light need not have settled.
-                let more = settle(&mut light, &transport, limit, area, request.error, MOST_SETTLES - 1);
+                let more = settle(&mut light, &transport, limit, area, request.error, MOST_SETTLES - 1, control);
                 passes = [passes[0] + more[0], passes[1] + more[1]];
                 mean = mean_irradiance(&light, scene, &transport);
                 left = transport.remaining(&mut light);
                 by_links = relative(left.sum(), mean);
+            }
+            if control.is_stopped() {
+                bound = Some(Bound::Stop);
+                break;
             }
             light.scale = mean as f32;
             let gathered = begun.elapsed();
@@ -275,10 +279,11 @@ pub(crate) fn settle(
     area: f64,
     error: f64,
     most: u32,
+    control: &Control,
 ) -> [u32; 2] {
     let (mut passes, mut settles) = (0, 0);
     loop {
-        passes += converge(light, transport, PASS_SHARE * error);
+        passes += converge(light, transport, PASS_SHARE * error, control);
         let before: Vec<f32> = light.radiosity.iter().map(|&radiosity| rms(radiosity)).collect();
         light.settle(&transport.links, leaf_limit(limit), &transport.evaluator());
         settles += 1;
@@ -289,14 +294,14 @@ pub(crate) fn settle(
             sum += f64::from(element.area * now);
         }
         let relative = if sum > 0.0 { (change / area).sqrt() / (sum / area) } else { 0.0 };
-        if relative < SETTLE_SHARE * error || settles >= most {
+        if relative < SETTLE_SHARE * error || settles >= most || control.is_stopped() {
             return [passes, settles];
         }
     }
 }
 
 /// Gathers until what further passes would change is below `error` of the mean; returns their number.
-fn converge(light: &mut Light, transport: &Transport, error: f64) -> u32 {
+fn converge(light: &mut Light, transport: &Transport, error: f64, control: &Control) -> u32 {
     let evaluator = transport.evaluator();
     let total = |light: &Light| -> f64 { f64::from(light.cluster_radiosity[0]) };
     let (mut before, mut last) = (total(light), f64::INFINITY);
@@ -305,7 +310,7 @@ fn converge(light: &mut Light, transport: &Transport, error: f64) -> u32 {
         let now = total(light);
         let change = (now - before).abs();
         let ratio = if last.is_finite() && last > 0.0 { (change / last).min(0.99) } else { 0.9 };
-        if change == 0.0 || change * ratio / (1.0 - ratio) <= error * now && pass > 2 {
+        if change == 0.0 || change * ratio / (1.0 - ratio) <= error * now && pass > 2 || control.is_stopped() {
             return pass;
         }
         (before, last) = (now, change);
