@@ -44,7 +44,7 @@ class Settings:
     min_area
         Elements below this share of the scene's area are not split; None stands for 1e-8.
     memory
-        Stop before the solve takes more memory than this, bytes (status ``"bounded"``).
+        Stop before the solve takes more memory than this, bytes (status ``"bounded"``); 4 GiB unless given.
     time
         Stop after this time, seconds (status ``"bounded"``).
     bf_epsilon

@@ -32,7 +32,7 @@ fn irradiance_above(solution: &Solution, point: DVec3) -> f64 {
 #[test]
 fn it_is_dark_behind_a_wall_of_no_thickness() {
     let scene = shipped("leaks/thin_wall");
-    for (error, most) in [(0.05, 0.03), (0.02, 0.01)] {
+    for (error, most) in [(0.05, 0.015), (0.02, 0.004)] {
         let solution = solved(&scene, &asked(error));
         let (mut square, mut count, mut sum) = (0.0, 0.0, 0.0);
         let all = points(&scene, 4000, 5);
@@ -45,20 +45,20 @@ fn it_is_dark_behind_a_wall_of_no_thickness() {
             }
         }
         let (leak, mean) = ((square / count).sqrt(), sum / all.len() as f64);
-        // Measured 0.010 and 0.002.
+        // Measured 0.009 and 0.002.
         assert!(leak < most * mean, "{error}: {}", leak / mean);
     }
 }
 
 /// Catches the darkness under something that spreads over what lies beside it: 4 cm from the rug's edge the floor has what
-/// it has half a metre away, to a third.
+/// it has half a metre away, to 15 %.
 #[test]
 fn the_floor_beside_a_rug_is_lit() {
     let solution = solved(&shipped("room"), &asked(0.1));
     for x in [1.5, 1.8, 2.1, 2.4] {
         let beside = irradiance_above(&solution, DVec3::new(x, 0.0, 3.09));
         let away = irradiance_above(&solution, DVec3::new(x, 0.0, 3.55));
-        assert!((beside / away - 1.0).abs() < 0.34, "{x}: {beside} {away}");
+        assert!((beside / away - 1.0).abs() < 0.15, "{x}: {beside} {away}");
     }
 }
 

@@ -303,8 +303,8 @@ fn the_order_of_polygons_does_not_matter() {
             at.iter().zip(&there).all(|(p, q)| { one.scene().position(p.0, p.1) == two.scene().position(q.0, q.1) })
         );
         let off = difference(&irradiances(&one, &at), &irradiances(&two, &there));
-        // Measured 0.015 and 0.052.
-        assert!(off < 0.5 * 0.2, "{name}: {off}");
+        let most = if settings.schedule == Schedule::Sequential { 0.25 * 0.2 } else { 0.06 };
+        assert!(off < most, "{name}: {off}");
     }
 }
 

@@ -101,6 +101,16 @@ impl Clusters {
         size_of_val(&self.nodes[..]) + size_of_val(&self.order[..]) + size_of_val(&self.area_before[..])
     }
 
+    /// Adds to every cluster what its parents have, by bands of a function of direction.
+    pub(crate) fn pass_down(&self, arriving: &mut [[[f32; 3]; 9]]) {
+        for (index, node) in self.nodes.iter().enumerate().filter(|(_, node)| node.parent != u32::MAX) {
+            let above = arriving[node.parent as usize];
+            for (own, above) in arriving[index].iter_mut().zip(above) {
+                (0..3).for_each(|band| own[band] += above[band]);
+            }
+        }
+    }
+
     /// Members of a cluster.
     pub(crate) fn members(&self, cluster: u32) -> &[u32] {
         let node = &self.nodes[cluster as usize];

@@ -13,11 +13,11 @@ use crate::control::{Control, ELEMENT, LINK};
 use crate::evaluate::Evaluator;
 use crate::field::{to_corners, to_samples};
 use crate::geometry::{Element, NONE};
-use crate::leaves::is_smooth;
+use crate::leaves::{DEEPEST, is_smooth};
 use crate::light::{Bands, Field, Light, limited, mean, quarter, quarter_of, rms};
 use crate::link::{CLUSTER, Link, State};
 use crate::rounds::Transport;
-use crate::solve::Solved;
+use crate::solve::{MOST_PASSES, MOST_SETTLES, PASS_SHARE, SETTLE_SHARE, Solved};
 use glam::Vec3;
 use isolux_simd::sphere::{clamped_cosine, evaluate};
 use rayon::prelude::*;
@@ -58,20 +58,8 @@ pub struct Room {
     pub deadline: Option<Instant>,
 }
 
-/// Share of a column's mean that further gathers may change, per asked error: over links, and at the leaves. Those of the
-/// light of all groups.
-const PASS_SHARE: f64 = 0.05;
-const SETTLE_SHARE: f64 = 0.2;
-
 /// How much more may be left before the first gather at the leaves, which changes more than that.
 const ROUGH: f64 = 10.0;
-
-/// Most gathers over links between two at the leaves, and most of the latter, as for the light of all groups.
-const MOST_PASSES: u32 = 100;
-const MOST_SETTLES: u32 = 5;
-
-/// Levels below a leaf's source that are looked at where a leaf touches it, as in [`crate::leaves`].
-const DEEPEST: u32 = 4;
 
 /// What a field at the leaves' own points is, at most, of one gathered over links, when columns begin: only a first guess.
 const MOST_RATIO: f32 = 4.0;

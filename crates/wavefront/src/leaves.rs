@@ -50,7 +50,7 @@ pub(crate) fn gather(
 }
 
 /// Most levels below a leaf's source that are looked at where a leaf touches it.
-const DEEPEST: u32 = 4;
+pub(crate) const DEEPEST: u32 = 4;
 
 /// Adds what a source throws on a leaf: all of it at once where the source is even or far, part by part where a point at
 /// one end of the leaf sees other parts of it than a point at the other.

@@ -486,15 +486,8 @@ impl ClusterSums<'_> {
 /// Adds what arrives at clusters, and at those above them, to the fields of their polygons.
 fn send_to_members(arriving: &mut [Directional], field: &mut [Field], evaluator: &Evaluator<'_>) {
     let Evaluator { geometry, clusters, .. } = *evaluator;
+    clusters.pass_down(arriving);
     for (index, node) in clusters.nodes.iter().enumerate() {
-        if node.parent != u32::MAX {
-            let above = arriving[node.parent as usize];
-            for k in 0..9 {
-                for band in 0..3 {
-                    arriving[index][k][band] += above[k][band];
-                }
-            }
-        }
         if node.second == 0 {
             for &polygon in clusters.members(index as u32) {
                 let cosine = clamped_cosine(geometry.surfaces[polygon as usize].normal.to_array());

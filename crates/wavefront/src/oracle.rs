@@ -40,6 +40,9 @@ const STEP: f32 = 0.29;
 /// How many times what it carries a link counts that cannot tell how much that is: many such links err together.
 pub(crate) const ROUGH: f32 = 2.0;
 
+/// Visibility of one ray of 16: with less, what would be seen without what blocks is not told.
+const ONE_RAY: f32 = 1.0 / 16.0;
+
 /// Least visibility by which what would be seen without what blocks is told from what is.
 const LEAST_SEEN: f32 = 0.5;
 
@@ -102,7 +105,7 @@ pub(crate) fn errors(link: &Link, evaluator: &Evaluator<'_>, light: &Light) -> E
             let [receiver, source] = [link.receiver, link.source].map(|node| &evaluator.elements[node as usize]);
             (evaluator.factors(receiver, source).into_iter().fold(0.0, f32::max) * value, largest)
         } else {
-            (largest / visibility.max(1.0 / 16.0), largest)
+            (largest / visibility.max(ONE_RAY), largest)
         }
     };
     let step = if state.is(State::SATURATED) { STEP } else { 0.1 * STEP };

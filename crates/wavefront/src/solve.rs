@@ -95,8 +95,8 @@ const FIRST_SHARE: f64 = 1.0 / 1000.0;
 const MOST_STAGES: usize = 40;
 
 /// Shares of the asked error that stopping early may cost: of the gathers over links, and of those at the leaves.
-const PASS_SHARE: f64 = 0.05;
-const SETTLE_SHARE: f64 = 0.2;
+pub(crate) const PASS_SHARE: f64 = 0.05;
+pub(crate) const SETTLE_SHARE: f64 = 0.2;
 
 /// Most gathers at the leaves in a stage: each leaves about a tenth of the change before.
 pub(crate) const MOST_SETTLES: u32 = 5;
@@ -320,7 +320,7 @@ fn converge(light: &mut Light, transport: &Transport, error: f64, control: &Cont
 
 /// Passes after which gathering is taken to have converged: with 0.95 of the light kept by each, 1 % of the first change
 /// is left after 90.
-const MOST_PASSES: u32 = 100;
+pub(crate) const MOST_PASSES: u32 = 100;
 
 /// The error that is claimed: what rays found, a standard error of it added; where they cannot tell it from their own noise,
 /// half of what links say at least.

@@ -118,13 +118,8 @@ fn gather(row: &[Link], thrown: &[Bands], intensity: &[Directional], evaluator: 
 
 /// From clusters to the clusters and polygons below them.
 fn send_down(arriving: &mut [Directional], error: &mut [Bands], evaluator: &Evaluator<'_>) {
+    evaluator.clusters.pass_down(arriving);
     for (index, node) in evaluator.clusters.nodes.iter().enumerate() {
-        if node.parent != u32::MAX {
-            let above = arriving[node.parent as usize];
-            for k in 0..9 {
-                (0..3).for_each(|band| arriving[index][k][band] += above[k][band]);
-            }
-        }
         if node.second == 0 {
             for &polygon in evaluator.clusters.members(index as u32) {
                 let cosine = clamped_cosine(evaluator.geometry.surfaces[polygon as usize].normal.to_array());
