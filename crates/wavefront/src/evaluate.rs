@@ -4,6 +4,7 @@
 use crate::clusters::Clusters;
 use crate::field::{INNER, mean};
 use crate::geometry::{Element, Geometry};
+use crate::ideas::Ideas;
 use crate::link::{CLUSTER, Link, MIDDLE, State};
 use crate::rays::{Jitter, Packet, RAYS, own_point, point_of, sample};
 use glam::Vec3;
@@ -29,6 +30,7 @@ pub(crate) struct Evaluator<'a> {
     pub(crate) clusters: &'a Clusters,
     pub(crate) elements: &'a [Element],
     pub(crate) seed: u64,
+    pub(crate) ideas: Ideas,
 }
 
 /// Visibility over a receiver.

@@ -6,6 +6,7 @@ use crate::contacts::split;
 use crate::control::{Bound, Budget};
 use crate::evaluate::{A_RECEIVES, B_RECEIVES, Evaluator};
 use crate::geometry::{Element, Geometry, NONE};
+use crate::ideas::Ideas;
 use crate::light::{Light, rms};
 use crate::link::{CLUSTER, Link, MIDDLE, State};
 use crate::oracle::{BULGE, ROUGH, Verdict, errors, is_splittable, verdict};
@@ -75,6 +76,7 @@ pub(crate) struct Transport {
     /// Clusters whose members' exchange among themselves is neglected.
     pub(crate) alone: Vec<u32>,
     pub(crate) seed: u64,
+    pub(crate) ideas: Ideas,
     /// Evaluations of pairs so far.
     pub(crate) evaluated: u64,
     pub(crate) packets: u64,
@@ -82,7 +84,8 @@ pub(crate) struct Transport {
 
 impl Transport {
     pub(crate) fn evaluator(&self) -> Evaluator<'_> {
-        Evaluator { geometry: &self.geometry, clusters: &self.clusters, elements: &self.elements, seed: self.seed }
+        let Transport { geometry, clusters, elements, seed, ideas, .. } = self;
+        Evaluator { geometry, clusters, elements, seed: *seed, ideas: *ideas }
     }
 
     /// Refines everything that leaves more than `limit` in today's light. Where a bound of `budget` is broken before all is
@@ -312,6 +315,10 @@ impl Remaining {
 
 fn examine(pair: &Pair, evaluator: &Evaluator<'_>, light: &Light, limit: Limit, last: &mut u32, outcome: &mut Outcome) {
     let &Pair { a, b, wants, clear } = pair;
+    if (a | b) & CLUSTER != 0 && !evaluator.ideas.clusters && limit.error < f32::INFINITY {
+        outcome.splits.push(Split { node: if a & CLUSTER != 0 { a } else { b }, pair: *pair });
+        return;
+    }
     if a == b {
         // What members of a cluster may throw on each other at most: half of what they radiate, as in a bowl.
         let most = ROUGH * 0.5 * light.cluster_radiosity[(a & !CLUSTER) as usize];

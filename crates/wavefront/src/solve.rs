@@ -5,6 +5,7 @@ use crate::clusters::Clusters;
 use crate::contacts::{Contacts, mark};
 use crate::control::{Bound, Budget, Control};
 use crate::geometry::{Geometry, NONE};
+use crate::ideas::Ideas;
 use crate::light::{Light, rms};
 use crate::link::CLUSTER;
 use crate::rounds::{Limit, Transport};
@@ -29,6 +30,8 @@ pub struct Request {
     pub memory: Option<u64>,
     /// Seconds after which refinement ends.
     pub time: Option<f64>,
+    /// Ideas that it uses: all, unless one is measured.
+    pub ideas: Ideas,
 }
 
 /// One stage of a solve.
@@ -160,6 +163,7 @@ impl Prepared {
             dark: Vec::new(),
             alone: vec![CLUSTER],
             seed: request.seed,
+            ideas: request.ideas,
             evaluated: 0,
             packets: 0,
         };
