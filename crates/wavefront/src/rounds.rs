@@ -330,6 +330,7 @@ fn examine(pair: &Pair, evaluator: &Evaluator<'_>, light: &Light, limit: Limit, 
         return;
     }
     outcome.evaluated += 1;
+    let clear = clear && (evaluator.ideas.inherited_proofs || is_clear_between(a, b, evaluator));
     let links = evaluator.pair(a, b, wants, clear, last);
     decide(links, clear, evaluator, light, limit, last, outcome);
 }
@@ -343,12 +344,14 @@ fn decide(
     last: &mut u32,
     outcome: &mut Outcome,
 ) {
+    let ideas = evaluator.ideas;
     let mut split: [Option<(u32, Link)>; 2] = [None, None];
     for (slot, link) in links.into_iter().enumerate() {
         let Some(mut link) = link else { continue };
         loop {
             let verdict = verdict(&link, evaluator, light, limit.error, limit.area);
-            if verdict != Verdict::Keep && link.state.is(State::DARK) && is_blocked(&link, evaluator) {
+            let is_hopeless = || !ideas.dark_links || verdict != Verdict::Keep && is_blocked(&link, evaluator);
+            if link.state.is(State::DARK) && is_hopeless() {
                 break;
             }
             match verdict {
@@ -409,7 +412,7 @@ fn outline(element: &Element, geometry: &Geometry) -> ([[f32; 3]; 4], usize, [f3
 
 /// Is it proven that one surface hides two elements from each other?
 fn is_blocked(link: &Link, evaluator: &Evaluator<'_>) -> bool {
-    if (link.receiver | link.source) & CLUSTER != 0 {
+    if (link.receiver | link.source) & CLUSTER != 0 || !evaluator.ideas.blocked_proofs {
         return false;
     }
     let geometry = evaluator.geometry;
@@ -424,13 +427,18 @@ fn is_blocked(link: &Link, evaluator: &Evaluator<'_>) -> bool {
     })
 }
 
-/// Is it proven that nothing lies between two elements?
+/// Is it proven that nothing lies between the ends of a link?
 fn is_clear(link: &Link, evaluator: &Evaluator<'_>) -> bool {
+    link.state.visibility == 255
+        && (link.receiver | link.source) & CLUSTER == 0
+        && evaluator.ideas.clear_proofs
+        && is_clear_between(link.receiver, link.source, evaluator)
+}
+
+/// Is it proven that nothing lies between two elements?
+fn is_clear_between(a: u32, b: u32, evaluator: &Evaluator<'_>) -> bool {
     let geometry = evaluator.geometry;
-    if link.state.visibility < 255 || (link.receiver | link.source) & CLUSTER != 0 {
-        return false;
-    }
-    let [x, y] = [link.receiver, link.source].map(|node| &evaluator.elements[node as usize]);
+    let [x, y] = [a, b].map(|node| &evaluator.elements[node as usize]);
     let ((a, m, plane_a), (b, n, plane_b)) = (outline(x, geometry), outline(y, geometry));
     geometry.bvh.clear_between(geometry.backend, &a[..m], &b[..n], plane_a, plane_b, geometry.tolerance, SHAFT_BUDGET)
 }

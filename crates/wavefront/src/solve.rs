@@ -141,12 +141,15 @@ impl Prepared {
     pub fn solve(&self, request: &Request, control: &Control) -> Solved {
         let start = Instant::now();
         let Prepared { geometry, clusters } = self;
+        let in_triangles = (!request.ideas.parallelograms).then(|| Arc::new(geometry.in_triangles()));
+        let geometry = in_triangles.as_ref().unwrap_or(geometry);
         let scene = &*geometry.scene;
         let mut elements = geometry.bare_roots();
-        mark(&mut elements, geometry);
+        mark(&mut elements, geometry, request.ideas.contact_lines);
         let area = scene.area();
         let guess = first_guess(scene);
         let mut light = Light::even(guess, geometry, clusters, &elements);
+        light.sloped = request.ideas.linear_sources;
         let deadline = request.time.map(|seconds| start + Duration::from_secs_f64(seconds));
         let mut budget = Budget {
             elements: request.max_elements.map_or(usize::MAX, |most| most as usize),
@@ -288,6 +291,9 @@ pub(crate) fn settle(
     let (mut passes, mut settles) = (0, 0);
     loop {
         passes += converge(light, transport, PASS_SHARE * error, control);
+        if !transport.ideas.leaves_anew {
+            return [passes, 0];
+        }
         let before: Vec<f32> = light.radiosity.iter().map(|&radiosity| rms(radiosity)).collect();
         light.settle(&transport.links, leaf_limit(limit), &transport.evaluator());
         settles += 1;
