@@ -40,7 +40,7 @@ fn solved(ideas: Ideas) -> Solve {
     let request = Request {
         error: 0.2,
         dark: None,
-        least_area: 1e-7,
+        least_area: 1e-8,
         seed: 0,
         max_elements: None,
         memory: None,
