@@ -11,7 +11,7 @@ Each scene is solved for several errors, with all ideas and with each of them le
 (`harness.scores`; points that something covers do not count). That makes a curve for each: measured errors,
 and the least that it took to reach them. Ratios to the curve with all ideas are read at the errors that it
 reached and that lie on both curves, between its points by a straight line through the logarithms; the table
-holds their geometric mean.
+holds their geometric mean. What fails or takes longer than the time-out is tried for no smaller error.
 
 seconds: ratio of preparation and solve together, the median of all runs, each beside one with all ideas; then
 the least and the greatest. links: ratio of links at equal measured error. error: ratio of measured errors at
@@ -24,6 +24,7 @@ from __future__ import annotations
 import argparse
 import math
 import statistics
+import sys
 import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -123,7 +124,8 @@ def compared(idea: str, rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
     # Links and errors are the same in each run, to the last bit.
     own, whole = runs[0]
     links, at = ratio(own, whole, "links")
-    pairs = [(a["rms"], b["rms"]) for a, b in zip(own, whole, strict=True) if "rms" in a and "rms" in b]
+    reached = [{row["asked"]: math.log(row["rms"]) for row in rows if "rms" in row} for rows in (own, whole)]
+    apart = [reached[0][asked] - reached[1][asked] for asked in reached[0].keys() & reached[1].keys()]
     ended = [(row["asked"], row.get("note") or row["bound"]) for row in own]
     return {
         "scene": rows[0]["scene"],
@@ -131,7 +133,7 @@ def compared(idea: str, rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
         "seconds": statistics.median(seconds) if seconds else None,
         "runs": seconds,
         "links": links,
-        "error": math.exp(statistics.fmean(math.log(a / b) for a, b in pairs)) if pairs else None,
+        "error": math.exp(statistics.fmean(apart)) if apart else None,
         "at": at,
         "note": ", ".join(f"{asked:g}: {why}" for asked, why in ended if why),
     }
@@ -163,13 +165,16 @@ def main() -> None:
     print(harness.markdown([], COLUMNS))
     for case in harness.chosen(arguments.scene):
         own: list[dict[str, Any]] = []
+        failed: set[str] = set()
         with case.file() as scene, tempfile.TemporaryDirectory() as folder:
             bench = Bench(case, scene, Path(folder), arguments)
             for run in range(arguments.runs):
                 for error in sorted(arguments.error, reverse=True):
                     # There and back, so that what drifts meets all alike.
                     turn = [ALL, *ideas] if run % 2 == 0 else [*reversed(ideas), ALL]
-                    own += [{"run": run, **bench.solve(idea, error)} for idea in turn]
+                    own += [{"run": run, **bench.solve(idea, error)} for idea in turn if idea not in failed]
+                    failed |= {row["without"] for row in own if "rms" not in row}
+                    print(f"{case.name}: run {run + 1}, error {error:g}", file=sys.stderr)
         rows += own
         for idea in ideas:
             print(harness.line(compared(idea, own), COLUMNS), flush=True)
