@@ -13,15 +13,16 @@ and the least that it took to reach them. Ratios to the curve with all ideas are
 reached and that lie on both curves, between its points by a straight line through the logarithms; the table
 holds their geometric mean. What fails or takes longer than the time-out is tried for no smaller error.
 
-seconds: ratio of preparation and solve together, the median of all runs, each beside one with all ideas; then
-the least and the greatest. links: ratio of links at equal measured error. error: ratio of measured errors at
-equal asked errors. at: the errors at which both were compared. Seconds of `parallelograms` hold a second tree
-for rays. Needs NumPy; the program is built before.
+seconds: ratio of preparation and solve together, the median of all runs, then the least and the greatest;
+each solve has one with all ideas directly beside it. links: ratio of links at equal measured error. error:
+ratio of measured errors at equal asked errors. at: the errors at which both were compared. Seconds of
+`parallelograms` hold a second tree for rays. Needs NumPy; the program is built before.
 """
 
 from __future__ import annotations
 
 import argparse
+import itertools
 import math
 import statistics
 import sys
@@ -116,6 +117,7 @@ def ratio(
 
 def compared(idea: str, rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """One line of the table, from all rows of a scene."""
+    rows = [row for row in rows if row["beside"] == idea]
     runs = [
         [[row for row in rows if row["run"] == run and row["without"] == name] for name in (idea, ALL)]
         for run in sorted({row["run"] for row in rows})
@@ -165,16 +167,20 @@ def main() -> None:
     print(harness.markdown([], COLUMNS))
     for case in harness.chosen(arguments.scene):
         own: list[dict[str, Any]] = []
-        failed: set[str] = set()
+        failed: dict[str, float] = {}
         with case.file() as scene, tempfile.TemporaryDirectory() as folder:
             bench = Bench(case, scene, Path(folder), arguments)
             for run in range(arguments.runs):
-                for error in sorted(arguments.error, reverse=True):
-                    # There and back, so that what drifts meets all alike.
-                    turn = [ALL, *ideas] if run % 2 == 0 else [*reversed(ideas), ALL]
-                    own += [{"run": run, **bench.solve(idea, error)} for idea in turn if idea not in failed]
-                    failed |= {row["without"] for row in own if "rms" not in row}
-                    print(f"{case.name}: run {run + 1}, error {error:g}", file=sys.stderr)
+                for idea, error in itertools.product(ideas, sorted(arguments.error, reverse=True)):
+                    if error <= failed.get(idea, 0.0):
+                        continue
+                    # Side by side, and the other way round next time, so that what drifts meets both alike.
+                    turn = (ALL, idea) if run % 2 == 0 else (idea, ALL)
+                    pair = [{"beside": idea, "run": run, **bench.solve(name, error)} for name in turn]
+                    if any("rms" not in row for row in pair):
+                        failed[idea] = error
+                    own += pair
+                print(f"{case.name}: run {run + 1}", file=sys.stderr)
         rows += own
         for idea in ideas:
             print(harness.line(compared(idea, own), COLUMNS), flush=True)
