@@ -8,7 +8,7 @@
 use crate::evaluate::Evaluator;
 use crate::field::{to_corners, to_samples};
 use crate::geometry::{Element, NONE};
-use crate::light::{Bands, Field, Light, corners_of, kept, quarter_of};
+use crate::light::{Bands, Field, Light, corners_of, level, quarter_of};
 use crate::link::{CLUSTER, Link, State};
 use rayon::prelude::*;
 
@@ -135,6 +135,7 @@ pub(crate) fn is_smooth(link: &Link, element: &Element, limit: f32, light: &Ligh
 
 /// Irradiance that is lost by interpolating a link's factors over its receiver. A factor bends by the square of what the
 /// receiver's size is to the distance, and a half is left of that between five points.
+#[inline]
 pub(crate) fn lost_between(link: &Link, element: &Element, light: &Light, evaluator: &Evaluator<'_>) -> f32 {
     let (to, other) = evaluator.ball(link.source);
     let own = element.radius();
@@ -178,13 +179,18 @@ fn descend(
             }
         }
     }
-    field = kept(field, element.count, evaluator.ideas);
+    if !evaluator.ideas.linear_receivers {
+        level(&mut field, element.count);
+    }
     if element.first_child == NONE {
         let mut samples = [[0.0; 3]; 5];
         for entry in seen.iter() {
             add(&mut samples, entry, &Near { leaf: element, limit, light, evaluator });
         }
-        let own = kept(corners_of(&samples, element.count), element.count, evaluator.ideas);
+        let mut own = corners_of(&samples, element.count);
+        if !evaluator.ideas.linear_receivers {
+            level(&mut own, element.count);
+        }
         for k in 0..5 {
             for band in 0..3 {
                 field[k][band] += own[k][band];

@@ -4,7 +4,6 @@ use crate::clusters::Clusters;
 use crate::evaluate::Evaluator;
 use crate::field::to_corners;
 use crate::geometry::{Element, Geometry, NONE};
-use crate::ideas::Ideas;
 use crate::link::{CLUSTER, Link, MIDDLE, State};
 use glam::Vec3;
 use isolux_simd::sphere::{clamped_cosine, evaluate};
@@ -92,9 +91,9 @@ pub(crate) fn corners_of(samples: &[Bands], count: u8) -> Field {
     field
 }
 
-/// What is kept of a field.
-pub(crate) fn kept(field: Field, count: u8, ideas: Ideas) -> Field {
-    if ideas.linear_receivers { field } else { [mean(&field, count); 5] }
+/// Gives a field its mean everywhere.
+pub(crate) fn level(field: &mut Field, count: u8) {
+    *field = [mean(field, count); 5];
 }
 
 /// Light of all nodes.
@@ -238,7 +237,11 @@ impl Light {
                 arriving[(receiver & !CLUSTER) as usize] = values;
             } else {
                 let count = evaluator.elements[receiver as usize].count;
-                self.field[receiver as usize] = kept(corners_of(&values, count), count, evaluator.ideas);
+                let field = &mut self.field[receiver as usize];
+                *field = corners_of(&values, count);
+                if !evaluator.ideas.linear_receivers {
+                    level(field, count);
+                }
             }
         }
         self.push(&mut arriving, evaluator);
