@@ -94,10 +94,11 @@ impl Near<'_> {
     /// Do the leaf's points see a difference within the source?
     fn is_uneven(&self, source: &Element, factors: &[f32; 5], deviation: [f32; 2]) -> bool {
         let most = factors.iter().fold(0.0_f32, |most, &factor| most.max(factor)) * (deviation[0] + deviation[1]);
+        if self.leaf.area * most * most <= self.limit || !self.evaluator.ideas.parts_nearby {
+            return false;
+        }
         let reach = 2.0 * (self.leaf.radius() + source.radius());
-        self.evaluator.ideas.parts_nearby
-            && self.leaf.area * most * most > self.limit
-            && self.leaf.centre().distance_squared(source.centre()) < reach * reach
+        self.leaf.centre().distance_squared(source.centre()) < reach * reach
     }
 
     /// Adds the quarters of a source that has none, with what its field says of them.
