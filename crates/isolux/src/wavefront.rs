@@ -12,8 +12,8 @@ use isolux_core::solution::{Flow, Light, Observer, Phase, Progress, Update};
 use isolux_core::tree::{ElementId, Elements};
 use isolux_core::units::Rgb;
 use isolux_wavefront::{
-    Bound, ClusterColumns, Control, Estimate, Given, LinkColumns, MEMORY, NO_GROUP, Outcome, Prepared, Request, Room,
-    Solved, Stage, light_of,
+    Bound, ClusterColumns, Control, Estimate, Given, Ideas, LinkColumns, MEMORY, NO_GROUP, Outcome, Prepared, Request,
+    Room, Solved, Stage, light_of,
 };
 use rayon::prelude::*;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
@@ -85,6 +85,7 @@ pub(crate) fn solve(
         max_elements: settings.max_elements,
         memory: settings.memory,
         time: settings.time,
+        ideas: Ideas::default(),
     };
     let finished = run(&scene, settings.threads, request, observer)?;
     let start = Instant::now();

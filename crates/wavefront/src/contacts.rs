@@ -15,7 +15,7 @@ use rayon::prelude::*;
 type Line = [Vec3; 2];
 
 /// Segments in the planes of polygons, by polygon.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(crate) struct Contacts {
     /// First node of each polygon's boxes.
     start: Vec<u32>,
@@ -187,10 +187,10 @@ fn crosses(element: &Element, segment: &[Vec3; 2], normal: Vec3, tolerance: f32)
     within(element, segment, normal, tolerance).is_some()
 }
 
-/// Marks roots: crossed or not, covered or not.
-pub(crate) fn mark(elements: &mut [Element], geometry: &Geometry) {
+/// Marks roots: crossed or not (if there are `lines`), covered or not.
+pub(crate) fn mark(elements: &mut [Element], geometry: &Geometry, lines: bool) {
     elements.par_iter_mut().for_each(|element| {
-        element.crossed = geometry.contacts.any(element.polygon);
+        element.crossed = lines && geometry.contacts.any(element.polygon);
         (element.open, element.divided) = open_parts(element, geometry);
     });
 }

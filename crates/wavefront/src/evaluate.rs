@@ -3,7 +3,8 @@
 
 use crate::clusters::Clusters;
 use crate::field::{INNER, mean};
-use crate::geometry::{Element, Geometry};
+use crate::geometry::{Element, Geometry, NONE};
+use crate::ideas::Ideas;
 use crate::link::{CLUSTER, Link, MIDDLE, State};
 use crate::rays::{Jitter, Packet, RAYS, own_point, point_of, sample};
 use glam::Vec3;
@@ -29,6 +30,7 @@ pub(crate) struct Evaluator<'a> {
     pub(crate) clusters: &'a Clusters,
     pub(crate) elements: &'a [Element],
     pub(crate) seed: u64,
+    pub(crate) ideas: Ideas,
 }
 
 /// Visibility over a receiver.
@@ -100,7 +102,7 @@ impl Evaluator<'_> {
             let link = |bit, receiver, source| if wants & bit != 0 { self.straddling(receiver, source) } else { None };
             return [link(A_RECEIVES, a, b), link(B_RECEIVES, b, a)];
         }
-        let [at_a, at_b] = self.between(a, b, clear, last);
+        let [at_a, at_b] = self.both(a, b, wants, clear, last);
         // Few of 16 rays between neighbours carry most of the light: where it comes from is then asked of the quarters.
         let near = x.centre().distance(y.centre()) < NEAR * (x.radius() + y.radius());
         let link = |receiver: u32, source: u32, factors: [f32; 5], mut sight: Sight| {
@@ -187,10 +189,32 @@ impl Evaluator<'_> {
         std::array::from_fn(|k| factors[k])
     }
 
+    /// Visibility over both of two nodes, for the directions in `wants`.
+    fn both(&self, a: u32, b: u32, wants: u8, clear: bool, last: &mut u32) -> [Sight; 2] {
+        let [at_a, at_b] = self.between(a, b, clear, last);
+        let apart = !self.ideas.shared_rays && wants == A_RECEIVES | B_RECEIVES;
+        [at_a, if apart { self.between(b, a, clear, last)[0] } else { at_b }]
+    }
+
+    /// Which strata rays join, as bits.
+    fn turn(&self, jitter: &mut Jitter) -> usize {
+        let bits = jitter.bits() as usize;
+        if self.ideas.hashed_pairing { bits } else { 0 }
+    }
+
+    /// Share of light that gets through, ray by ray.
+    #[inline(always)]
+    fn through(&self, packet: &Packet, last: &mut u32) -> [f32; RAYS] {
+        if !self.ideas.last_blocker {
+            *last = NONE;
+        }
+        packet.through(self.geometry, last)
+    }
+
     /// Rays between two nodes, and what they say of both.
     fn between(&self, a: u32, b: u32, clear: bool, last: &mut u32) -> [Sight; 2] {
         let mut jitter = Jitter::new(self.name(a), self.name(b), self.seed);
-        let turn = jitter.bits() as usize;
+        let turn = self.turn(&mut jitter);
         let (turn_a, turn_b) = (turn & 3, turn >> 2 & 3);
         let mut packet = Packet::new();
         let (mut starts, mut ends) = ([[0.5; 2]; RAYS], [[0.5; 2]; RAYS]);
@@ -204,7 +228,10 @@ impl Evaluator<'_> {
             (starts[k], ends[k]) = (place, target);
             packet.set(k, from, normal, to, other, tolerance);
         }
-        let through = if clear { [1.0; RAYS] } else { packet.through(self.geometry, last) };
+        if !self.ideas.weighted_rays {
+            packet.count_alike();
+        }
+        let through = if clear { [1.0; RAYS] } else { self.through(&packet, last) };
         // What lies under something receives nothing, and is not what is asked for.
         let seen = |node: u32, part: &dyn Fn(usize) -> usize| -> [f32; RAYS] {
             let open = if node & CLUSTER == 0 { self.elements[node as usize].open } else { u16::MAX };
@@ -243,7 +270,7 @@ impl Evaluator<'_> {
                 continue;
             }
             let mut jitter = Jitter::new(x.path.to_bits() ^ k as u64, y.path.to_bits(), self.seed);
-            let turn = jitter.bits() as usize;
+            let turn = self.turn(&mut jitter);
             let (mut seen, mut all) = (0.0, 0.0);
             let mut packet = Packet::new();
             for first in (0..1_usize << (2 * depth)).step_by(RAYS) {
@@ -259,7 +286,10 @@ impl Evaluator<'_> {
                     places[ray] = place;
                     packet.set(ray, from, normal, to, other, self.geometry.tolerance);
                 }
-                let through = packet.through(self.geometry, last);
+                if !self.ideas.weighted_rays {
+                    packet.count_alike();
+                }
+                let through = self.through(&packet, last);
                 for ray in 0..RAYS {
                     let weight = packet.weights[ray] * through[ray];
                     seen += weight;
@@ -311,7 +341,7 @@ impl Evaluator<'_> {
         // Balls that overlap throw no more on each other than if they touched.
         let touching = (radius + other) * (radius + other);
         let broad = if from.distance_squared(to) <= touching { State::BROAD } else { 0 };
-        let [at_a, at_b] = self.between(a, b, false, last);
+        let [at_a, at_b] = self.both(a, b, wants, false, last);
         let link = |receiver: u32, source: u32, sight: Sight| {
             let (source_centre, source_radius) = self.ball(source);
             let mut factors = [0.0; 5];

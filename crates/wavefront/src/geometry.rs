@@ -122,6 +122,15 @@ pub(crate) struct Geometry {
 
 impl Geometry {
     pub(crate) fn new(scene: Arc<Scene>) -> Geometry {
+        Geometry::build(scene, true)
+    }
+
+    /// The same with two triangles for each parallelogram.
+    pub(crate) fn in_triangles(&self) -> Geometry {
+        Geometry { contacts: self.contacts.clone(), ..Geometry::build(self.scene.clone(), false) }
+    }
+
+    fn build(scene: Arc<Scene>, parallelograms: bool) -> Geometry {
         let fronts = &scene.polygons[..scene.fronts];
         let corners = || fronts.iter().flat_map(|polygon| polygon.corners.iter().copied());
         let low = corners().fold(DVec3::INFINITY, DVec3::min);
@@ -148,7 +157,9 @@ impl Geometry {
             };
             match *polygon.corners {
                 [a, b, c] => push(a, b, c, false),
-                [a, b, c, d] if is_parallelogram(a, b, c, d, scene.tolerance()) => push(a, b, d, true),
+                [a, b, c, d] if parallelograms && is_parallelogram(a, b, c, d, scene.tolerance()) => {
+                    push(a, b, d, true);
+                }
                 [a, b, c, d] => {
                     push(a, b, c, false);
                     push(a, c, d, false);

@@ -8,7 +8,7 @@
 use crate::evaluate::Evaluator;
 use crate::field::{to_corners, to_samples};
 use crate::geometry::{Element, NONE};
-use crate::light::{Bands, Field, Light, corners_of, quarter_of};
+use crate::light::{Bands, Field, Light, corners_of, level, quarter_of};
 use crate::link::{CLUSTER, Link, State};
 use rayon::prelude::*;
 
@@ -94,9 +94,11 @@ impl Near<'_> {
     /// Do the leaf's points see a difference within the source?
     fn is_uneven(&self, source: &Element, factors: &[f32; 5], deviation: [f32; 2]) -> bool {
         let most = factors.iter().fold(0.0_f32, |most, &factor| most.max(factor)) * (deviation[0] + deviation[1]);
+        if self.leaf.area * most * most <= self.limit || !self.evaluator.ideas.parts_nearby {
+            return false;
+        }
         let reach = 2.0 * (self.leaf.radius() + source.radius());
-        self.leaf.area * most * most > self.limit
-            && self.leaf.centre().distance_squared(source.centre()) < reach * reach
+        self.leaf.centre().distance_squared(source.centre()) < reach * reach
     }
 
     /// Adds the quarters of a source that has none, with what its field says of them.
@@ -126,16 +128,22 @@ impl Near<'_> {
 /// Share of the limit that may be lost by interpolating the factors of one link: many are.
 const SMOOTH: f32 = 0.5;
 
-/// Is it enough to interpolate a link's factors over its receiver? A factor bends by the square of what the receiver's size
-/// is to the distance, and a half is left of that between five points.
+/// Is it enough to interpolate a link's factors over its receiver?
 pub(crate) fn is_smooth(link: &Link, element: &Element, limit: f32, light: &Light, evaluator: &Evaluator<'_>) -> bool {
+    let lost = lost_between(link, element, light, evaluator);
+    evaluator.ideas.smooth_factors && element.area * lost * lost < SMOOTH * limit
+}
+
+/// Irradiance that is lost by interpolating a link's factors over its receiver. A factor bends by the square of what the
+/// receiver's size is to the distance, and a half is left of that between five points.
+#[inline]
+pub(crate) fn lost_between(link: &Link, element: &Element, light: &Light, evaluator: &Evaluator<'_>) -> f32 {
     let (to, other) = evaluator.ball(link.source);
     let own = element.radius();
     let clear = (element.centre().distance(to) - other).max(own);
     let bend = 0.5 * (own / clear) * (own / clear);
     let most = link.factors.iter().fold(0.0_f32, |most, &factor| most.max(factor));
-    let lost = most * crate::light::rms(light.value(link, evaluator)) * bend;
-    element.area * lost * lost < SMOOTH * limit
+    most * crate::light::rms(light.value(link, evaluator)) * bend
 }
 
 #[allow(clippy::too_many_arguments)]
@@ -166,18 +174,24 @@ fn descend(
             } else {
                 let (open, _) = evaluator.exchange(element, &evaluator.elements[link.source as usize]);
                 let mean = f32::from(link.state.visibility) / 255.0;
-                let at =
-                    std::array::from_fn(|k| if open[k] > 0.0 { (link.factors[k] / open[k]).min(1.0) } else { mean });
+                let is_known = |k: usize| open[k] > 0.0 && evaluator.ideas.linear_receivers;
+                let at = std::array::from_fn(|k| if is_known(k) { (link.factors[k] / open[k]).min(1.0) } else { mean });
                 seen.push(Seen { source: link.source, value: light.value(link, evaluator), at, whole: false });
             }
         }
+    }
+    if !evaluator.ideas.linear_receivers {
+        level(&mut field, element.count);
     }
     if element.first_child == NONE {
         let mut samples = [[0.0; 3]; 5];
         for entry in seen.iter() {
             add(&mut samples, entry, &Near { leaf: element, limit, light, evaluator });
         }
-        let own = corners_of(&samples, element.count);
+        let mut own = corners_of(&samples, element.count);
+        if !evaluator.ideas.linear_receivers {
+            level(&mut own, element.count);
+        }
         for k in 0..5 {
             for band in 0..3 {
                 field[k][band] += own[k][band];

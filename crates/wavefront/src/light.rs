@@ -91,12 +91,19 @@ pub(crate) fn corners_of(samples: &[Bands], count: u8) -> Field {
     field
 }
 
+/// Gives a field its mean everywhere.
+pub(crate) fn level(field: &mut Field, count: u8) {
+    *field = [mean(field, count); 5];
+}
+
 /// Light of all nodes.
 pub(crate) struct Light {
     /// Radiosity of elements, W/m² or lm/m².
     pub(crate) radiosity: Vec<Bands>,
     /// Change of the radiosity over an element, along both coordinates of [`State::centre`].
     pub(crate) slope: Vec<[Bands; 2]>,
+    /// Are there slopes? Without, all that radiosity varies is deviation.
+    pub(crate) sloped: bool,
     /// RMS deviation of the radiosity within an element, over bands and places: what is linear, and the rest.
     pub(crate) deviation: Vec<[f32; 2]>,
     /// Irradiance of elements: of leaves all there is, of others what came at their level and above.
@@ -129,6 +136,7 @@ impl Light {
         let mut light = Light {
             radiosity: vec![[0.0; 3]; elements.len()],
             slope: vec![[[0.0; 3]; 2]; elements.len()],
+            sloped: true,
             deviation: vec![[0.0; 2]; elements.len()],
             irradiance: vec![[0.0; 3]; elements.len()],
             field,
@@ -229,7 +237,11 @@ impl Light {
                 arriving[(receiver & !CLUSTER) as usize] = values;
             } else {
                 let count = evaluator.elements[receiver as usize].count;
-                self.field[receiver as usize] = corners_of(&values, count);
+                let field = &mut self.field[receiver as usize];
+                *field = corners_of(&values, count);
+                if !evaluator.ideas.linear_receivers {
+                    level(field, count);
+                }
             }
         }
         self.push(&mut arriving, evaluator);
@@ -344,6 +356,7 @@ impl Light {
 
     /// Radiosity, irradiance, slope and deviation of leaves from their fields.
     fn read_leaves(&mut self, geometry: &Geometry, elements: &[Element]) {
+        let sloped = self.sloped;
         let means = self.radiosity.par_iter_mut().zip(self.irradiance.par_iter_mut());
         let shapes = self.slope.par_iter_mut().zip(self.deviation.par_iter_mut());
         let leaves = elements.par_iter().zip(self.field.par_iter_mut()).zip(means).zip(shapes).with_min_len(1024);
@@ -365,7 +378,9 @@ impl Light {
                         // Of a linear function corners deviate by three times the mean square.
                         square += apart * apart / (9 * count) as f32;
                     }
-                    (change[0][band], change[1][band]) = if count == 4 {
+                    (change[0][band], change[1][band]) = if !sloped {
+                        (0.0, 0.0)
+                    } else if count == 4 {
                         (0.5 * (at(1) + at(2) - at(0) - at(3)), 0.5 * (at(2) + at(3) - at(0) - at(1)))
                     } else {
                         (at(1) - at(0), at(2) - at(0))
@@ -403,7 +418,9 @@ impl Light {
             square += share * (linear * linear + rest * rest + apart * apart);
         }
         let at = |k: usize, band: usize| self.radiosity[first + k][band];
-        let slope = if element.count == 4 {
+        let slope = if !self.sloped {
+            [[0.0; 3]; 2]
+        } else if element.count == 4 {
             [
                 std::array::from_fn(|k| at(1, k) + at(2, k) - at(0, k) - at(3, k)),
                 std::array::from_fn(|k| at(2, k) + at(3, k) - at(0, k) - at(1, k)),

@@ -1,6 +1,7 @@
 //! Decides what becomes of a link: the error that it leaves against the error that is permitted.
 
 use crate::evaluate::Evaluator;
+use crate::leaves::lost_between;
 use crate::light::Light;
 use crate::link::{CLUSTER, Link, State};
 
@@ -114,10 +115,14 @@ pub(crate) fn errors(link: &Link, evaluator: &Evaluator<'_>, light: &Light) -> E
     if is_cluster(link.receiver) {
         errors.receiver = most * (1.5 * own / distance).min(1.0) + open * partial;
     } else {
-        // What factors vary over the receiver is no error: leaves take them anew.
         // On either side of what stands on the receiver one may see what the other does not.
         let divided = evaluator.elements[link.receiver as usize].divided && !state.is(State::CLEAR);
         errors.receiver = if divided { STEP * open } else { step * spread * open };
+        // What factors vary over the receiver is no error where leaves take them anew.
+        let ideas = evaluator.ideas;
+        if !(ideas.linear_receivers && ideas.leaves_anew || dark) {
+            errors.receiver += varying(link, value, evaluator, light);
+        }
     }
     if is_cluster(link.source) {
         errors.source =
@@ -147,6 +152,18 @@ pub(crate) fn errors(link: &Link, evaluator: &Evaluator<'_>, light: &Light) -> E
     }
     errors.noise = open * noise(state).sqrt();
     errors
+}
+
+/// What the factors of a link from an element vary over its receiver, as far as neither links nor leaves follow.
+fn varying(link: &Link, value: f32, evaluator: &Evaluator<'_>, light: &Light) -> f32 {
+    let element = &evaluator.elements[link.receiver as usize];
+    if evaluator.ideas.linear_receivers {
+        return lost_between(link, element, light, evaluator);
+    }
+    let factors = &link.factors[..element.count as usize];
+    let mean = factors.iter().sum::<f32>() / factors.len() as f32;
+    let square = factors.iter().map(|factor| (factor - mean) * (factor - mean)).sum::<f32>() / factors.len() as f32;
+    square.sqrt() * value
 }
 
 /// May a node be split?
@@ -185,7 +202,7 @@ pub(crate) fn verdict(link: &Link, evaluator: &Evaluator<'_>, light: &Light, lim
     // What covers all places that were asked may leave others free.
     // Where few rays count since much of the receiver is covered, more of them tell.
     let partly = evaluator.elements[link.receiver as usize].open != u16::MAX;
-    let missed = link.state.rays() >= 5 && !partly || link.state.is(State::DARK);
+    let missed = link.state.rays() >= 5 && !partly || link.state.is(State::DARK) || !evaluator.ideas.more_rays;
     if missed && errors.noise >= errors.receiver.max(errors.source) {
         let (own, other) = (evaluator.ball(link.receiver).1, evaluator.ball(link.source).1);
         return match (own >= other, receiver, source) {
@@ -194,7 +211,7 @@ pub(crate) fn verdict(link: &Link, evaluator: &Evaluator<'_>, light: &Light, lim
             _ => Verdict::Keep,
         };
     }
-    let more = link.state.rays() != MOST_RAYS && !link.state.is(State::CLEAR);
+    let more = link.state.rays() != MOST_RAYS && !link.state.is(State::CLEAR) && evaluator.ideas.more_rays;
     if more && errors.noise >= errors.receiver.max(errors.source) {
         return Verdict::MoreRays;
     }

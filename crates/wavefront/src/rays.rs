@@ -151,6 +151,11 @@ impl Packet {
         self.weights[k] = if carries { rise * fall / (square * square) } else { 0.0 };
     }
 
+    /// Gives all rays that carry something the same weight.
+    pub(crate) fn count_alike(&mut self) {
+        self.weights = self.weights.map(|weight| if weight > 0.0 { 1.0 } else { 0.0 });
+    }
+
     /// Bits of the rays that carry something.
     pub(crate) fn active(&self) -> u32 {
         self.weights.iter().enumerate().fold(0, |bits, (k, &weight)| bits | u32::from(weight > 0.0) << k)

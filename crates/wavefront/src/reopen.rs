@@ -4,6 +4,7 @@
 use crate::clusters::{Cluster, Clusters};
 use crate::control::Control;
 use crate::geometry::{Geometry, NONE};
+use crate::ideas::Ideas;
 use crate::light::Light;
 use crate::link::{CLUSTER, Link, State};
 use crate::outcome::{ClusterColumns, LinkColumns};
@@ -72,6 +73,7 @@ impl Solved {
             dark: Vec::new(),
             alone: Vec::new(),
             seed: 0,
+            ideas: Ideas::default(),
             evaluated: 0,
             packets: 0,
         };

@@ -6,6 +6,7 @@ use crate::contacts::split;
 use crate::control::{Bound, Budget};
 use crate::evaluate::{A_RECEIVES, B_RECEIVES, Evaluator};
 use crate::geometry::{Element, Geometry, NONE};
+use crate::ideas::Ideas;
 use crate::light::{Light, rms};
 use crate::link::{CLUSTER, Link, MIDDLE, State};
 use crate::oracle::{BULGE, ROUGH, Verdict, errors, is_splittable, verdict};
@@ -75,6 +76,7 @@ pub(crate) struct Transport {
     /// Clusters whose members' exchange among themselves is neglected.
     pub(crate) alone: Vec<u32>,
     pub(crate) seed: u64,
+    pub(crate) ideas: Ideas,
     /// Evaluations of pairs so far.
     pub(crate) evaluated: u64,
     pub(crate) packets: u64,
@@ -82,7 +84,8 @@ pub(crate) struct Transport {
 
 impl Transport {
     pub(crate) fn evaluator(&self) -> Evaluator<'_> {
-        Evaluator { geometry: &self.geometry, clusters: &self.clusters, elements: &self.elements, seed: self.seed }
+        let Transport { geometry, clusters, elements, seed, ideas, .. } = self;
+        Evaluator { geometry, clusters, elements, seed: *seed, ideas: *ideas }
     }
 
     /// Refines everything that leaves more than `limit` in today's light. Where a bound of `budget` is broken before all is
@@ -312,6 +315,10 @@ impl Remaining {
 
 fn examine(pair: &Pair, evaluator: &Evaluator<'_>, light: &Light, limit: Limit, last: &mut u32, outcome: &mut Outcome) {
     let &Pair { a, b, wants, clear } = pair;
+    if (a | b) & CLUSTER != 0 && !evaluator.ideas.clusters && limit.error < f32::INFINITY {
+        outcome.splits.push(Split { node: if a & CLUSTER != 0 { a } else { b }, pair: *pair });
+        return;
+    }
     if a == b {
         // What members of a cluster may throw on each other at most: half of what they radiate, as in a bowl.
         let most = ROUGH * 0.5 * light.cluster_radiosity[(a & !CLUSTER) as usize];
@@ -323,6 +330,7 @@ fn examine(pair: &Pair, evaluator: &Evaluator<'_>, light: &Light, limit: Limit, 
         return;
     }
     outcome.evaluated += 1;
+    let clear = clear && (evaluator.ideas.inherited_proofs || is_clear_between(a, b, evaluator));
     let links = evaluator.pair(a, b, wants, clear, last);
     decide(links, clear, evaluator, light, limit, last, outcome);
 }
@@ -336,12 +344,14 @@ fn decide(
     last: &mut u32,
     outcome: &mut Outcome,
 ) {
+    let ideas = evaluator.ideas;
     let mut split: [Option<(u32, Link)>; 2] = [None, None];
     for (slot, link) in links.into_iter().enumerate() {
         let Some(mut link) = link else { continue };
         loop {
             let verdict = verdict(&link, evaluator, light, limit.error, limit.area);
-            if verdict != Verdict::Keep && link.state.is(State::DARK) && is_blocked(&link, evaluator) {
+            let is_hopeless = || !ideas.dark_links || verdict != Verdict::Keep && is_blocked(&link, evaluator);
+            if link.state.is(State::DARK) && is_hopeless() {
                 break;
             }
             match verdict {
@@ -402,7 +412,7 @@ fn outline(element: &Element, geometry: &Geometry) -> ([[f32; 3]; 4], usize, [f3
 
 /// Is it proven that one surface hides two elements from each other?
 fn is_blocked(link: &Link, evaluator: &Evaluator<'_>) -> bool {
-    if (link.receiver | link.source) & CLUSTER != 0 {
+    if (link.receiver | link.source) & CLUSTER != 0 || !evaluator.ideas.blocked_proofs {
         return false;
     }
     let geometry = evaluator.geometry;
@@ -417,13 +427,18 @@ fn is_blocked(link: &Link, evaluator: &Evaluator<'_>) -> bool {
     })
 }
 
-/// Is it proven that nothing lies between two elements?
+/// Is it proven that nothing lies between the ends of a link?
 fn is_clear(link: &Link, evaluator: &Evaluator<'_>) -> bool {
+    link.state.visibility == 255
+        && (link.receiver | link.source) & CLUSTER == 0
+        && evaluator.ideas.clear_proofs
+        && is_clear_between(link.receiver, link.source, evaluator)
+}
+
+/// Is it proven that nothing lies between two elements?
+fn is_clear_between(a: u32, b: u32, evaluator: &Evaluator<'_>) -> bool {
     let geometry = evaluator.geometry;
-    if link.state.visibility < 255 || (link.receiver | link.source) & CLUSTER != 0 {
-        return false;
-    }
-    let [x, y] = [link.receiver, link.source].map(|node| &evaluator.elements[node as usize]);
+    let [x, y] = [a, b].map(|node| &evaluator.elements[node as usize]);
     let ((a, m, plane_a), (b, n, plane_b)) = (outline(x, geometry), outline(y, geometry));
     geometry.bvh.clear_between(geometry.backend, &a[..m], &b[..n], plane_a, plane_b, geometry.tolerance, SHAFT_BUDGET)
 }

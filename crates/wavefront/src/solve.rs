@@ -5,6 +5,7 @@ use crate::clusters::Clusters;
 use crate::contacts::{Contacts, mark};
 use crate::control::{Bound, Budget, Control};
 use crate::geometry::{Geometry, NONE};
+use crate::ideas::Ideas;
 use crate::light::{Light, rms};
 use crate::link::CLUSTER;
 use crate::rounds::{Limit, Transport};
@@ -30,6 +31,8 @@ pub struct Request {
     pub memory: Option<u64>,
     /// Seconds after which refinement ends.
     pub time: Option<f64>,
+    /// Ideas that it uses: all, unless one is measured.
+    pub ideas: Ideas,
 }
 
 /// One stage of a solve.
@@ -148,12 +151,15 @@ impl Prepared {
     pub fn solve(&self, request: &Request, control: &Control) -> Solved {
         let start = Instant::now();
         let Prepared { geometry, clusters } = self;
+        let in_triangles = (!request.ideas.parallelograms).then(|| Arc::new(geometry.in_triangles()));
+        let geometry = in_triangles.as_ref().unwrap_or(geometry);
         let scene = &*geometry.scene;
         let mut elements = geometry.bare_roots();
-        mark(&mut elements, geometry);
+        mark(&mut elements, geometry, request.ideas.contact_lines);
         let area = scene.area();
         let guess = first_guess(scene);
         let mut light = Light::even(guess, geometry, clusters, &elements);
+        light.sloped = request.ideas.linear_sources;
         let deadline = request.time.map(|seconds| start + Duration::from_secs_f64(seconds));
         let mut budget = Budget {
             elements: request.max_elements.map_or(usize::MAX, |most| most as usize),
@@ -170,6 +176,7 @@ impl Prepared {
             dark: Vec::new(),
             alone: vec![CLUSTER],
             seed: request.seed,
+            ideas: request.ideas,
             evaluated: 0,
             packets: 0,
         };
@@ -292,6 +299,9 @@ pub(crate) fn settle(
 ) -> [u32; 2] {
     let mut passes = converge(light, transport, PASS_SHARE * error, control);
     let mut settles = 0;
+    if !transport.ideas.leaves_anew {
+        return [passes, settles];
+    }
     loop {
         let before: Vec<f32> = light.radiosity.par_iter().map(|&radiosity| rms(radiosity)).collect();
         light.settle(&transport.links, leaf_limit(limit), &transport.evaluator());
