@@ -1,6 +1,7 @@
 //! The hierarchy above polygons: groups that exchange light as one.
 
-use crate::geometry::{Element, Geometry};
+use crate::geometry::{Element, Geometry, NONE};
+use crate::light::Directional;
 use glam::Vec3;
 
 /// A group of polygons that lie together, as a range of [`Clusters::order`].
@@ -26,6 +27,8 @@ pub(crate) struct Clusters {
     pub(crate) nodes: Vec<Cluster>,
     /// Polygons, those of each cluster side by side.
     pub(crate) order: Vec<u32>,
+    /// The cluster without clusters below it that each polygon is a member of; none of those that are in no cluster.
+    pub(crate) home: Vec<u32>,
     /// Area before each entry of `order`, and in all, m².
     area_before: Vec<f64>,
 }
@@ -38,6 +41,9 @@ const BINS: usize = 16;
 
 /// Polygons from which halves are built side by side.
 const PARALLEL: usize = 20_000;
+
+/// Clusters below the first half of one from which on both halves are passed to side by side.
+const PASSED: usize = 1024;
 
 impl Clusters {
     /// Groups the `active` polygons. `roots`: the elements of all polygons.
@@ -93,21 +99,46 @@ impl Clusters {
             sum += f64::from(roots[polygon as usize].area);
         }
         area_before.push(sum);
-        Clusters { nodes, order, area_before }
+        let mut home = vec![NONE; roots.len()];
+        for (index, node) in nodes.iter().enumerate().filter(|(_, node)| node.second == 0) {
+            for &polygon in &order[node.first as usize..(node.first + node.count) as usize] {
+                home[polygon as usize] = index as u32;
+            }
+        }
+        Clusters { nodes, order, home, area_before }
     }
 
     /// Bytes that it takes.
     pub(crate) fn memory(&self) -> usize {
-        size_of_val(&self.nodes[..]) + size_of_val(&self.order[..]) + size_of_val(&self.area_before[..])
+        size_of_val(&self.nodes[..])
+            + size_of_val(&self.order[..])
+            + size_of_val(&self.home[..])
+            + size_of_val(&self.area_before[..])
     }
 
-    /// Adds to every cluster what its parents have, by bands of a function of direction.
-    pub(crate) fn pass_down(&self, arriving: &mut [[[f32; 3]; 9]]) {
-        for (index, node) in self.nodes.iter().enumerate().filter(|(_, node)| node.parent != u32::MAX) {
-            let above = arriving[node.parent as usize];
-            for (own, above) in arriving[index].iter_mut().zip(above) {
+    /// Adds to every cluster what those above it have, by bands of a function of direction.
+    pub(crate) fn pass_down(&self, arriving: &mut [Directional]) {
+        self.pass_below(0, arriving);
+    }
+
+    /// The same from cluster `first` on, whose own value comes first in `arriving`.
+    fn pass_below(&self, first: usize, arriving: &mut [Directional]) {
+        let second = self.nodes[first].second as usize;
+        if second == 0 {
+            return;
+        }
+        let above = arriving[0];
+        let (one, other) = arriving[1..].split_at_mut(second - first - 1);
+        for child in [&mut one[0], &mut other[0]] {
+            for (own, above) in child.iter_mut().zip(above) {
                 (0..3).for_each(|band| own[band] += above[band]);
             }
+        }
+        if one.len() >= PASSED {
+            rayon::join(|| self.pass_below(first + 1, one), || self.pass_below(second, other));
+        } else {
+            self.pass_below(first + 1, one);
+            self.pass_below(second, other);
         }
     }
 

@@ -6,6 +6,7 @@ use crate::field::{INNER, mean};
 use crate::geometry::{Element, Geometry, NONE};
 use crate::ideas::Ideas;
 use crate::link::{CLUSTER, Link, MIDDLE, State};
+use crate::order::Order;
 use crate::rays::{Jitter, Packet, RAYS, own_point, point_of, sample};
 use glam::Vec3;
 use isolux_simd::factor::{Polygon, point_factors};
@@ -29,6 +30,7 @@ pub(crate) struct Evaluator<'a> {
     pub(crate) geometry: &'a Geometry,
     pub(crate) clusters: &'a Clusters,
     pub(crate) elements: &'a [Element],
+    pub(crate) order: &'a Order,
     pub(crate) seed: u64,
     pub(crate) ideas: Ideas,
 }

@@ -67,7 +67,7 @@ impl Element {
         self.corners.iter().map(|corner| corner.distance_squared(centre)).fold(0.0, f32::max).sqrt()
     }
 
-    fn new(corners: [Vec3; 4], count: u8, polygon: u32, parent: u32, path: Path) -> Element {
+    pub(crate) fn new(corners: [Vec3; 4], count: u8, polygon: u32, parent: u32, path: Path) -> Element {
         let [a, b, c, d] = corners;
         let area = 0.5 * (c - a).cross(d - b).length();
         let area = if count == 4 { area } else { 0.5 * (b - a).cross(c - a).length() };

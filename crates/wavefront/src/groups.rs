@@ -268,10 +268,7 @@ impl<'a> Frame<'a> {
                 rows[slot_of[receiver as usize] as usize] = range;
             }
         }
-        let mut cluster_of = vec![NONE; evaluator.geometry.surfaces.len()];
-        for (index, _) in clusters.nodes.iter().enumerate().filter(|(_, node)| node.second == 0) {
-            clusters.members(index as u32).iter().for_each(|&polygon| cluster_of[polygon as usize] = index as u32);
-        }
+        let cluster_of = clusters.home.clone();
         let polygons = cluster_of.len();
         let mut frame = Frame {
             evaluator,

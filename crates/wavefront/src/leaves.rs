@@ -41,8 +41,8 @@ pub(crate) fn gather(
         .map(|rows| {
             let polygon = rows[0].0;
             let mut leaves = Vec::new();
-            let mut seen = Vec::new();
-            descend(polygon, base[polygon as usize], rows, &mut seen, limit, light, evaluator, &mut leaves);
+            let descent = Descent { rows, limit, light, evaluator };
+            descent.descend(polygon, base[polygon as usize], &mut Vec::new(), &mut leaves);
             leaves
         })
         .collect();
@@ -146,70 +146,94 @@ pub(crate) fn lost_between(link: &Link, element: &Element, light: &Light, evalua
     most * crate::light::rms(light.value(link, evaluator)) * bend
 }
 
-#[allow(clippy::too_many_arguments)]
-fn descend(
-    node: u32,
-    mut field: Field,
-    rows: &[(u32, u32, &[Link])],
-    seen: &mut Vec<Seen>,
+/// Levels of a polygon whose quarters are visited side by side, and rows from which on that is worth it.
+const SIDE_BY_SIDE: u32 = 4;
+const LONG: usize = 128;
+
+/// The way down a polygon's quadtree.
+#[derive(Clone, Copy)]
+struct Descent<'a> {
+    /// Links by receiver, all of this polygon.
+    rows: &'a [(u32, u32, &'a [Link])],
     limit: f32,
-    light: &Light,
-    evaluator: &Evaluator<'_>,
-    leaves: &mut Vec<(u32, Field)>,
-) {
-    let element = &evaluator.elements[node as usize];
-    let before = seen.len();
-    if let Ok(row) = rows.binary_search_by_key(&node, |row| row.1) {
-        for link in rows[row].2 {
-            if link.source & CLUSTER != 0 || is_smooth(link, element, limit, light, evaluator) {
-                let value = light.value(link, evaluator);
-                let factors = to_corners(&link.factors, element.count);
-                for k in 0..5 {
-                    for band in 0..3 {
-                        field[k][band] += factors[k] * value[band];
+    light: &'a Light,
+    evaluator: &'a Evaluator<'a>,
+}
+
+impl Descent<'_> {
+    /// Appends the fields of the leaves below a node. `field`: what the nodes above it bring; `seen`: sources that they see, as
+    /// they were after the call.
+    fn descend(&self, node: u32, mut field: Field, seen: &mut Vec<Seen>, leaves: &mut Vec<(u32, Field)>) {
+        let Descent { rows, limit, light, evaluator } = *self;
+        let element = &evaluator.elements[node as usize];
+        let before = seen.len();
+        if let Ok(row) = rows.binary_search_by_key(&node, |row| row.1) {
+            for link in rows[row].2 {
+                if link.source & CLUSTER != 0 || is_smooth(link, element, limit, light, evaluator) {
+                    let value = light.value(link, evaluator);
+                    let factors = to_corners(&link.factors, element.count);
+                    for k in 0..5 {
+                        for band in 0..3 {
+                            field[k][band] += factors[k] * value[band];
+                        }
                     }
+                } else if link.state.is(State::CLEAR) || link.state.visibility == 255 && link.state.spread == 0 {
+                    seen.push(Seen {
+                        source: link.source,
+                        value: light.value(link, evaluator),
+                        at: [1.0; 5],
+                        whole: true,
+                    });
+                } else {
+                    let (open, _) = evaluator.exchange(element, &evaluator.elements[link.source as usize]);
+                    let mean = f32::from(link.state.visibility) / 255.0;
+                    let is_known = |k: usize| open[k] > 0.0 && evaluator.ideas.linear_receivers;
+                    let at =
+                        std::array::from_fn(|k| if is_known(k) { (link.factors[k] / open[k]).min(1.0) } else { mean });
+                    seen.push(Seen { source: link.source, value: light.value(link, evaluator), at, whole: false });
                 }
-            } else if link.state.is(State::CLEAR) || link.state.visibility == 255 && link.state.spread == 0 {
-                seen.push(Seen { source: link.source, value: light.value(link, evaluator), at: [1.0; 5], whole: true });
-            } else {
-                let (open, _) = evaluator.exchange(element, &evaluator.elements[link.source as usize]);
-                let mean = f32::from(link.state.visibility) / 255.0;
-                let is_known = |k: usize| open[k] > 0.0 && evaluator.ideas.linear_receivers;
-                let at = std::array::from_fn(|k| if is_known(k) { (link.factors[k] / open[k]).min(1.0) } else { mean });
-                seen.push(Seen { source: link.source, value: light.value(link, evaluator), at, whole: false });
             }
         }
-    }
-    if !evaluator.ideas.linear_receivers {
-        level(&mut field, element.count);
-    }
-    if element.first_child == NONE {
-        let mut samples = [[0.0; 3]; 5];
-        for entry in seen.iter() {
-            add(&mut samples, entry, &Near { leaf: element, limit, light, evaluator });
-        }
-        let mut own = corners_of(&samples, element.count);
         if !evaluator.ideas.linear_receivers {
-            level(&mut own, element.count);
+            level(&mut field, element.count);
         }
-        for k in 0..5 {
-            for band in 0..3 {
-                field[k][band] += own[k][band];
+        if element.first_child == NONE {
+            let mut samples = [[0.0; 3]; 5];
+            for entry in seen.iter() {
+                add(&mut samples, entry, &Near { leaf: element, limit, light, evaluator });
+            }
+            let mut own = corners_of(&samples, element.count);
+            if !evaluator.ideas.linear_receivers {
+                level(&mut own, element.count);
+            }
+            for k in 0..5 {
+                for band in 0..3 {
+                    field[k][band] += own[k][band];
+                }
+            }
+            leaves.push((node, field));
+        } else {
+            let count = element.count;
+            let here = seen.clone();
+            let below = |quadrant: usize, seen: &mut Vec<Seen>, leaves: &mut Vec<(u32, Field)>| {
+                for (entry, above) in seen.iter_mut().zip(&here).filter(|(_, above)| !above.whole) {
+                    entry.at = quarter_of(&above.at, count, quadrant).map(|at| at.clamp(0.0, 1.0));
+                }
+                let part = crate::light::quarter(&field, count, quadrant);
+                self.descend(element.first_child + quadrant as u32, part, seen, leaves);
+                seen.copy_from_slice(&here);
+            };
+            if element.path.depth() < SIDE_BY_SIDE && rows.len() >= LONG {
+                let parts = (0..4).into_par_iter().map(|quadrant| {
+                    let mut leaves = Vec::new();
+                    below(quadrant, &mut here.clone(), &mut leaves);
+                    leaves
+                });
+                leaves.extend(parts.collect::<Vec<_>>().concat());
+            } else {
+                (0..4).for_each(|quadrant| below(quadrant, seen, leaves));
             }
         }
-        leaves.push((node, field));
-    } else {
-        let count = element.count;
-        let here = seen.clone();
-        for quadrant in 0..4 {
-            for (entry, above) in seen.iter_mut().zip(&here).filter(|(_, above)| !above.whole) {
-                entry.at = quarter_of(&above.at, count, quadrant).map(|at| at.clamp(0.0, 1.0));
-            }
-            let part = crate::light::quarter(&field, count, quadrant);
-            descend(element.first_child + quadrant as u32, part, rows, seen, limit, light, evaluator, leaves);
-            seen.truncate(here.len());
-            seen.copy_from_slice(&here);
-        }
+        seen.truncate(before);
     }
-    seen.truncate(before);
 }

@@ -31,6 +31,7 @@ mod leaves;
 mod light;
 mod link;
 mod oracle;
+mod order;
 mod outcome;
 mod rays;
 mod read;

@@ -5,10 +5,14 @@ use crate::evaluate::Evaluator;
 use crate::field::to_corners;
 use crate::geometry::{Element, Geometry, NONE};
 use crate::link::{CLUSTER, Link, MIDDLE, State};
+use crate::order::{Columns, Order, View, arranged};
 use glam::Vec3;
 use isolux_simd::sphere::{clamped_cosine, evaluate};
 use rayon::prelude::*;
 use std::f32::consts::FRAC_1_PI;
+
+/// Receivers whose links are gathered by one task.
+const ROWS: usize = 256;
 
 /// One number per band.
 pub(crate) type Bands = [f32; 3];
@@ -149,7 +153,7 @@ impl Light {
             floor: f32::INFINITY,
             scale: rms(irradiance),
         };
-        light.pull(geometry, clusters, elements);
+        light.pull(geometry, clusters, elements, &Order::new(elements, geometry.surfaces.len()));
         light
     }
 
@@ -168,6 +172,18 @@ impl Light {
             self.field.push(quarter(&self.field[parent], element.count, quadrant));
             self.correction.push(quarter(&self.correction[parent], element.count, quadrant));
         }
+    }
+
+    /// Puts the elements' light in a new order.
+    pub(crate) fn arrange(&mut self, places: &[u32]) {
+        self.radiosity = arranged(&self.radiosity, places);
+        self.slope = arranged(&self.slope, places);
+        self.deviation = arranged(&self.deviation, places);
+        self.coherent = arranged(&self.coherent, places);
+        self.open = arranged(&self.open, places);
+        self.irradiance = arranged(&self.irradiance, places);
+        self.field = arranged(&self.field, places);
+        self.correction = arranged(&self.correction, places);
     }
 
     /// Area of a node times the weight of errors there, m².
@@ -227,57 +243,23 @@ impl Light {
 
     /// One pass: gather over `links`, sorted by receiver, push, pull.
     pub(crate) fn pass(&mut self, links: &[Link], evaluator: &Evaluator<'_>) {
-        let rows: Vec<&[Link]> = links.chunk_by(|a, b| a.receiver == b.receiver).collect();
-        let gathered: Vec<(u32, Directional)> =
-            rows.par_iter().with_min_len(64).map(|row| (row[0].receiver, self.gather(row, evaluator))).collect();
-        let mut arriving: Vec<Directional> = vec![[[0.0; 3]; 9]; evaluator.clusters.nodes.len()];
-        self.field.fill(DARK);
-        for (receiver, values) in gathered {
-            if receiver & CLUSTER != 0 {
-                arriving[(receiver & !CLUSTER) as usize] = values;
-            } else {
-                let count = evaluator.elements[receiver as usize].count;
-                let field = &mut self.field[receiver as usize];
-                *field = corners_of(&values, count);
-                if !evaluator.ideas.linear_receivers {
-                    level(field, count);
-                }
-            }
-        }
-        self.push(&mut arriving, evaluator);
-        for (index, _) in evaluator.elements.iter().enumerate().filter(|(_, element)| element.first_child == NONE) {
-            for k in 0..5 {
-                for band in 0..3 {
-                    let value = &mut self.field[index][k][band];
-                    *value += self.correction[index][k][band];
-                }
-            }
-        }
-        self.pull(evaluator.geometry, evaluator.clusters, evaluator.elements);
+        self.push(links, evaluator);
+        let fields = self.field.par_iter_mut().zip(&self.correction).zip(evaluator.elements).with_min_len(1024);
+        fields.filter(|(_, element)| element.first_child == NONE).for_each(|((field, correction), _)| {
+            add(field, correction);
+        });
+        self.pull(evaluator.geometry, evaluator.clusters, evaluator.elements, evaluator.order);
     }
 
-    /// Gathers once more, at the points of the leaves. Returns what the leaves' fields lack, as squared error over area.
+    /// Gathers once more, at the points of the leaves, and remembers what that finds beyond a pass.
     pub(crate) fn settle(&mut self, links: &[Link], limit: f32, evaluator: &Evaluator<'_>) {
-        let rows: Vec<&[Link]> = links.chunk_by(|a, b| a.receiver == b.receiver).collect();
-        let mut arriving: Vec<Directional> = vec![[[0.0; 3]; 9]; evaluator.clusters.nodes.len()];
-        let clusters = rows.partition_point(|row| row[0].receiver & CLUSTER != 0);
-        let gathered: Vec<(u32, Directional)> = rows[..clusters]
-            .par_iter()
-            .with_min_len(64)
-            .map(|row| (row[0].receiver, self.gather(row, evaluator)))
-            .collect();
-        for (receiver, values) in gathered {
-            arriving[(receiver & !CLUSTER) as usize] = values;
-        }
+        let (to_clusters, _) = by_kind(links);
         let mut base = vec![DARK; evaluator.geometry.surfaces.len()];
-        send_to_members(&mut arriving, &mut base, evaluator);
+        self.send_to_members(to_clusters, &mut base, evaluator);
         let leaves = crate::leaves::gather(self, &base, links, limit, evaluator);
-        // What a pass with today's radiosities would push: found by one without corrections.
-        self.correction.fill(DARK);
-        let radiosity = self.radiosity.clone();
-        let intensity = self.intensity.clone();
-        self.pass(links, evaluator);
-        (self.radiosity, self.intensity) = (radiosity, intensity);
+        // What a pass with today's radiosities pushes.
+        self.push(links, evaluator);
+        self.correction.par_iter_mut().with_min_len(4096).for_each(|correction| *correction = DARK);
         for (leaf, field) in leaves {
             let leaf = leaf as usize;
             for k in 0..5 {
@@ -287,7 +269,7 @@ impl Light {
             }
             self.field[leaf] = field;
         }
-        self.pull(evaluator.geometry, evaluator.clusters, evaluator.elements);
+        self.pull(evaluator.geometry, evaluator.clusters, evaluator.elements, evaluator.order);
     }
 
     /// What arrives over the links of one receiver: at an element's points, or at a cluster by direction.
@@ -315,29 +297,78 @@ impl Light {
         sum
     }
 
-    /// Irradiance from clusters to their members, from elements to their quarters.
-    fn push(&mut self, arriving: &mut [Directional], evaluator: &Evaluator<'_>) {
-        let elements = evaluator.elements;
-        send_to_members(arriving, &mut self.field, evaluator);
-        for (index, element) in elements.iter().enumerate().filter(|(_, element)| element.first_child != NONE) {
-            for quadrant in 0..4 {
-                let part = quarter(&self.field[index], element.count, quadrant);
-                let child = &mut self.field[element.first_child as usize + quadrant];
-                for k in 0..5 {
-                    for band in 0..3 {
-                        child[k][band] += part[k][band];
-                    }
+    /// Fields from what links bring: from clusters to their members, from elements to their quarters.
+    fn push(&mut self, links: &[Link], evaluator: &Evaluator<'_>) {
+        let Evaluator { geometry, elements, order, .. } = *evaluator;
+        let (to_clusters, to_elements) = by_kind(links);
+        let mut fields = std::mem::take(&mut self.field);
+        let rows: Vec<&[Link]> = to_elements.chunk_by(|a, b| a.receiver == b.receiver).collect();
+        // Those who write side by side have elements of their own: from the first receiver of some rows to that of the next.
+        let mut shares = Vec::with_capacity(rows.len() / ROWS + 1);
+        let (mut rest, mut from) = (&mut fields[..], 0);
+        for (index, rows_here) in rows.chunks(ROWS).enumerate() {
+            let to = rows.get((index + 1) * ROWS).map_or(elements.len(), |row| row[0].receiver as usize);
+            let (own, later) = rest.split_at_mut(to - from);
+            shares.push((from, own, rows_here));
+            (rest, from) = (later, to);
+        }
+        rest.fill(DARK);
+        shares.into_par_iter().for_each(|(from, fields, rows)| {
+            fields.fill(DARK);
+            for row in rows {
+                let receiver = row[0].receiver as usize;
+                let count = elements[receiver].count;
+                let field = &mut fields[receiver - from];
+                *field = corners_of(&self.gather(row, evaluator), count);
+                if !evaluator.ideas.linear_receivers {
+                    level(field, count);
                 }
             }
+        });
+        self.send_to_members(to_clusters, &mut fields[..geometry.surfaces.len()], evaluator);
+        let hand_down = |view: &mut View<&mut [Field]>, index: usize| {
+            let element = &elements[index];
+            let (values, own) = view.of(index);
+            let field = values[own];
+            let (values, first) = view.of(element.first_child as usize);
+            for quadrant in 0..4 {
+                add(&mut values[first + quadrant], &quarter(&field, element.count, quadrant));
+            }
+        };
+        let (mut view, above) = order.above(&mut fields[..]);
+        above.for_each(|index| hand_down(&mut view, index));
+        order.down(elements, &mut fields[..], hand_down);
+        self.field = fields;
+    }
+
+    /// Adds what arrives at clusters, and at those above them, to the fields of their polygons.
+    fn send_to_members(&self, links: &[Link], fields: &mut [Field], evaluator: &Evaluator<'_>) {
+        let Evaluator { geometry, clusters, .. } = *evaluator;
+        let rows: Vec<&[Link]> = links.chunk_by(|a, b| a.receiver == b.receiver).collect();
+        let gathered: Vec<(u32, Directional)> =
+            rows.par_iter().with_min_len(64).map(|row| (row[0].receiver, self.gather(row, evaluator))).collect();
+        let mut arriving: Vec<Directional> = vec![[[0.0; 3]; 9]; clusters.nodes.len()];
+        for (receiver, values) in gathered {
+            arriving[(receiver & !CLUSTER) as usize] = values;
         }
+        clusters.pass_down(&mut arriving);
+        let polygons = fields.par_iter_mut().zip(&clusters.home).zip(&geometry.surfaces).with_min_len(1024);
+        polygons.filter(|((_, home), _)| **home != NONE).for_each(|((field, &home), surface)| {
+            let cosine = clamped_cosine(surface.normal.to_array());
+            for band in 0..3 {
+                let here: f32 = (0..9).map(|k| cosine[k] * arriving[home as usize][k][band]).sum();
+                field.iter_mut().for_each(|value| value[band] += here.max(0.0));
+            }
+        });
     }
 
     /// Radiosity and irradiance of leaves from their fields, of all above from their parts.
-    pub(crate) fn pull(&mut self, geometry: &Geometry, clusters: &Clusters, elements: &[Element]) {
+    pub(crate) fn pull(&mut self, geometry: &Geometry, clusters: &Clusters, elements: &[Element], order: &Order) {
         self.read_leaves(geometry, elements);
-        for index in (0..elements.len()).rev().filter(|&index| elements[index].first_child != NONE) {
-            self.pull_parent(index, elements);
-        }
+        let sloped = self.sloped;
+        order.up(elements, Shapes::of(self), |view, index| pull_parent(view, index, elements, sloped));
+        let (mut view, above) = order.above(Shapes::of(self));
+        above.rev().for_each(|index| pull_parent(&mut view, index, elements, sloped));
         let roots: Vec<(f32, Bands, Bands, [f32; 9])> = (0..geometry.surfaces.len())
             .into_par_iter()
             .with_min_len(1024)
@@ -391,48 +422,91 @@ impl Light {
             },
         );
     }
+}
 
-    /// The same of an element with parts, from these.
-    fn pull_parent(&mut self, index: usize, elements: &[Element]) {
-        let element = &elements[index];
-        let first = element.first_child as usize;
-        // Means over what is open. Of what is covered all of it, so that there is something to divide by.
-        let whole: f32 = (first..first + 4).map(|child| elements[child].area).sum();
-        let open: f32 = (first..first + 4).map(|child| elements[child].area * self.open[child]).sum();
-        self.open[index] = open / whole;
-        let shares: [f32; 4] = std::array::from_fn(|k| {
-            let area = elements[first + k].area;
-            if open > 0.0 { area * self.open[first + k] / open } else { area / whole }
-        });
-        let (mut radiosity, mut irradiance) = ([0.0; 3], [0.0; 3]);
-        for (child, share) in (first..).zip(shares) {
-            for band in 0..3 {
-                radiosity[band] += share * self.radiosity[child][band];
-                irradiance[band] += share * self.irradiance[child][band];
-            }
+/// What elements with quarters have from these.
+struct Shapes<'a> {
+    radiosity: &'a mut [Bands],
+    irradiance: &'a mut [Bands],
+    slope: &'a mut [[Bands; 2]],
+    deviation: &'a mut [[f32; 2]],
+    open: &'a mut [f32],
+}
+
+impl Shapes<'_> {
+    fn of(light: &mut Light) -> Shapes<'_> {
+        Shapes {
+            radiosity: &mut light.radiosity,
+            irradiance: &mut light.irradiance,
+            slope: &mut light.slope,
+            deviation: &mut light.deviation,
+            open: &mut light.open,
         }
-        let mut square = 0.0;
-        for (child, share) in (first..).zip(shares) {
-            let [linear, rest] = self.deviation[child];
-            let apart = rms(std::array::from_fn(|k| self.radiosity[child][k] - radiosity[k]));
-            square += share * (linear * linear + rest * rest + apart * apart);
-        }
-        let at = |k: usize, band: usize| self.radiosity[first + k][band];
-        let slope = if !self.sloped {
-            [[0.0; 3]; 2]
-        } else if element.count == 4 {
-            [
-                std::array::from_fn(|k| at(1, k) + at(2, k) - at(0, k) - at(3, k)),
-                std::array::from_fn(|k| at(2, k) + at(3, k) - at(0, k) - at(1, k)),
-            ]
-        } else {
-            [std::array::from_fn(|k| 2.0 * (at(1, k) - at(0, k))), std::array::from_fn(|k| 2.0 * (at(2, k) - at(0, k)))]
-        };
-        self.slope[index] = limited(slope, radiosity, element.count);
-        self.deviation[index] = parted(square, &slope, element.count);
-        self.radiosity[index] = radiosity;
-        self.irradiance[index] = irradiance;
     }
+}
+
+impl Columns for Shapes<'_> {
+    fn divide(self, index: usize) -> (Self, Self) {
+        let (radiosity, other_radiosity) = self.radiosity.split_at_mut(index);
+        let (irradiance, other_irradiance) = self.irradiance.split_at_mut(index);
+        let (slope, other_slope) = self.slope.split_at_mut(index);
+        let (deviation, other_deviation) = self.deviation.split_at_mut(index);
+        let (open, other_open) = self.open.split_at_mut(index);
+        (
+            Shapes { radiosity, irradiance, slope, deviation, open },
+            Shapes {
+                radiosity: other_radiosity,
+                irradiance: other_irradiance,
+                slope: other_slope,
+                deviation: other_deviation,
+                open: other_open,
+            },
+        )
+    }
+}
+
+/// Radiosity, irradiance, slope and deviation of an element with quarters, from these.
+fn pull_parent(view: &mut View<Shapes<'_>>, index: usize, elements: &[Element], sloped: bool) {
+    let element = &elements[index];
+    let quarters = &elements[element.first_child as usize..element.first_child as usize + 4];
+    let (of, first) = view.of(element.first_child as usize);
+    // Means over what is open. Of what is covered all of it, so that there is something to divide by.
+    let whole: f32 = quarters.iter().map(|quarter| quarter.area).sum();
+    let open: f32 = (0..4).map(|k| quarters[k].area * of.open[first + k]).sum();
+    let shares: [f32; 4] = std::array::from_fn(|k| {
+        let area = quarters[k].area;
+        if open > 0.0 { area * of.open[first + k] / open } else { area / whole }
+    });
+    let (mut radiosity, mut irradiance) = ([0.0; 3], [0.0; 3]);
+    for (child, share) in (first..).zip(shares) {
+        for band in 0..3 {
+            radiosity[band] += share * of.radiosity[child][band];
+            irradiance[band] += share * of.irradiance[child][band];
+        }
+    }
+    let mut square = 0.0;
+    for (child, share) in (first..).zip(shares) {
+        let [linear, rest] = of.deviation[child];
+        let apart = rms(std::array::from_fn(|k| of.radiosity[child][k] - radiosity[k]));
+        square += share * (linear * linear + rest * rest + apart * apart);
+    }
+    let at = |k: usize, band: usize| of.radiosity[first + k][band];
+    let slope = if !sloped {
+        [[0.0; 3]; 2]
+    } else if element.count == 4 {
+        [
+            std::array::from_fn(|k| at(1, k) + at(2, k) - at(0, k) - at(3, k)),
+            std::array::from_fn(|k| at(2, k) + at(3, k) - at(0, k) - at(1, k)),
+        ]
+    } else {
+        [std::array::from_fn(|k| 2.0 * (at(1, k) - at(0, k))), std::array::from_fn(|k| 2.0 * (at(2, k) - at(0, k)))]
+    };
+    let (of, own) = view.of(index);
+    of.open[own] = open / whole;
+    of.slope[own] = limited(slope, radiosity, element.count);
+    of.deviation[own] = parted(square, &slope, element.count);
+    of.radiosity[own] = radiosity;
+    of.irradiance[own] = irradiance;
 }
 
 /// Clusters' sums over the part of the hierarchy below one of them, which comes first.
@@ -500,20 +574,16 @@ impl ClusterSums<'_> {
     }
 }
 
-/// Adds what arrives at clusters, and at those above them, to the fields of their polygons.
-fn send_to_members(arriving: &mut [Directional], field: &mut [Field], evaluator: &Evaluator<'_>) {
-    let Evaluator { geometry, clusters, .. } = *evaluator;
-    clusters.pass_down(arriving);
-    for (index, node) in clusters.nodes.iter().enumerate() {
-        if node.second == 0 {
-            for &polygon in clusters.members(index as u32) {
-                let cosine = clamped_cosine(geometry.surfaces[polygon as usize].normal.to_array());
-                let field = &mut field[polygon as usize];
-                for band in 0..3 {
-                    let here: f32 = (0..9).map(|k| cosine[k] * arriving[index][k][band]).sum();
-                    field.iter_mut().for_each(|value| value[band] += here.max(0.0));
-                }
-            }
+/// Links to clusters, and those to elements.
+fn by_kind(links: &[Link]) -> (&[Link], &[Link]) {
+    links.split_at(links.partition_point(|link| link.receiver & CLUSTER != 0))
+}
+
+/// Adds a field to another.
+fn add(field: &mut Field, more: &Field) {
+    for k in 0..5 {
+        for band in 0..3 {
+            field[k][band] += more[k][band];
         }
     }
 }

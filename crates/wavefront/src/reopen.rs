@@ -7,6 +7,7 @@ use crate::geometry::{Geometry, NONE};
 use crate::ideas::Ideas;
 use crate::light::Light;
 use crate::link::{CLUSTER, Link, State};
+use crate::order::Order;
 use crate::outcome::{ClusterColumns, LinkColumns};
 use crate::rounds::{Limit, Transport};
 use crate::solve::{MOST_SETTLES, Solved, settle};
@@ -61,14 +62,16 @@ impl Solved {
         let clusters = clusters_of(remains.clusters, &elements, geometry.middle);
         let count = elements.len() as u32;
         let links = links_of(remains.links, count);
+        let order = Order::new(&elements, geometry.surfaces.len());
         let mut light = Light::even([0.0; 3], &geometry, &clusters, &elements);
         light.field = remains.fields.to_vec();
-        light.pull(&geometry, &clusters, &elements);
+        light.pull(&geometry, &clusters, &elements, &order);
         let geometry = Arc::new(geometry);
         let transport = Transport {
             geometry: geometry.clone(),
             clusters: Arc::new(clusters),
             elements,
+            order,
             links,
             dark: Vec::new(),
             alone: Vec::new(),

@@ -10,6 +10,7 @@ use crate::ideas::Ideas;
 use crate::light::{Light, rms};
 use crate::link::{CLUSTER, Link, MIDDLE, State};
 use crate::oracle::{BULGE, ROUGH, Verdict, errors, is_splittable, verdict};
+use crate::order::{Order, arranged, places, renumber};
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -69,6 +70,8 @@ pub(crate) struct Transport {
     pub(crate) geometry: Arc<Geometry>,
     pub(crate) clusters: Arc<Clusters>,
     pub(crate) elements: Vec<Element>,
+    /// Parts of the elements, while these stand in order: after [`Transport::arrange`].
+    pub(crate) order: Order,
     /// Sorted by receiver.
     pub(crate) links: Vec<Link>,
     /// Links all of whose rays are blocked: nothing travels, until more rays say otherwise.
@@ -84,8 +87,8 @@ pub(crate) struct Transport {
 
 impl Transport {
     pub(crate) fn evaluator(&self) -> Evaluator<'_> {
-        let Transport { geometry, clusters, elements, seed, ideas, .. } = self;
-        Evaluator { geometry, clusters, elements, seed: *seed, ideas: *ideas }
+        let Transport { geometry, clusters, elements, order, seed, ideas, .. } = self;
+        Evaluator { geometry, clusters, elements, order, seed: *seed, ideas: *ideas }
     }
 
     /// Refines everything that leaves more than `limit` in today's light. Where a bound of `budget` is broken before all is
@@ -128,8 +131,28 @@ impl Transport {
             }
             open = next;
         }
-        self.links.par_sort_by_key(|link| (link.receiver & CLUSTER == 0, link.receiver));
+        self.arrange(light);
         bound
+    }
+
+    /// Puts elements in order, and links in that of their receivers.
+    fn arrange(&mut self, light: &mut Light) {
+        let roots = self.geometry.surfaces.len();
+        let places = places(&self.elements, roots);
+        self.elements = arranged(&self.elements, &places);
+        renumber(&mut self.elements, &places);
+        light.arrange(&places);
+        for links in [&mut self.links, &mut self.dark] {
+            links.par_iter_mut().with_min_len(1024).for_each(|link| {
+                for node in [&mut link.receiver, &mut link.source] {
+                    if *node & CLUSTER == 0 {
+                        *node = places[*node as usize];
+                    }
+                }
+            });
+        }
+        self.order = Order::new(&self.elements, roots);
+        self.links.par_sort_by_key(|link| (link.receiver & CLUSTER == 0, link.receiver));
     }
 
     fn round(&mut self, open: &[Open], light: &mut Light, limit: Limit) -> Vec<Open> {
@@ -208,33 +231,39 @@ impl Transport {
         }
     }
 
-    /// Leaves with area times weight times squared error of their fields, m² (W/m²)²: what lies between corners and middle.
-    fn bulges<'b>(&'b self, light: &'b Light) -> impl Iterator<Item = (u32, f32)> + 'b {
+    /// Area times weight times squared error of every leaf's field, m² (W/m²)²: what lies between corners and middle. 0 of
+    /// others.
+    fn bulges(&self, light: &Light) -> Vec<f32> {
         let evaluator = self.evaluator();
-        self.elements.iter().enumerate().filter(|(_, element)| element.first_child == NONE).map(
-            move |(index, element)| {
-                let (field, count) = (&light.field[index], element.count as usize);
-                let bulge = std::array::from_fn(|band| {
-                    let sum: f32 = field[..count].iter().map(|value| value[band]).sum();
-                    field[MIDDLE][band] - sum / count as f32
-                });
-                let error = BULGE * rms(bulge);
-                (index as u32, light.weighted_area(index as u32, &evaluator) * error * error)
-            },
-        )
+        let elements = self.elements.par_iter().enumerate().with_min_len(1024);
+        let bulge = |(index, element): (usize, &Element)| {
+            if element.first_child != NONE {
+                return 0.0;
+            }
+            let (field, count) = (&light.field[index], element.count as usize);
+            let bulge = std::array::from_fn(|band| {
+                let sum: f32 = field[..count].iter().map(|value| value[band]).sum();
+                field[MIDDLE][band] - sum / count as f32
+            });
+            let error = BULGE * rms(bulge);
+            light.weighted_area(index as u32, &evaluator) * error * error
+        };
+        elements.map(bulge).collect()
     }
 
     /// Quarters the leaves whose fields leave more than `limit`; returns how many.
     pub(crate) fn refine_leaves(&mut self, light: &mut Light, limit: Limit) -> usize {
         let coarse: Vec<u32> = self
             .bulges(light)
-            .filter(|&(leaf, error)| {
-                let element = &self.elements[leaf as usize];
+            .into_iter()
+            .zip(&self.elements)
+            .enumerate()
+            .filter(|&(_, (error, element))| {
                 error > limit.error
                     && element.area > limit.area
                     && element.path.depth() < isolux_core::tree::Path::MAX_DEPTH
             })
-            .map(|(leaf, _)| leaf)
+            .map(|(leaf, _)| leaf as u32)
             .collect();
         for &leaf in &coarse {
             split(&mut self.elements, leaf, &self.geometry);
@@ -283,11 +312,13 @@ impl Transport {
             sum.noise += part.noise;
             sum.bulge += part.bulge;
         }
-        sum.bulge = self.bulges(light).map(|(_, square)| f64::from(square)).sum();
-        for link in &self.dark {
+        sum.bulge = self.bulges(light).into_iter().map(f64::from).sum();
+        let dark = |link: &Link| {
             let error = errors(link, &evaluator, light).noise;
-            sum.dark += f64::from(light.weighted_area(link.receiver, &evaluator) * error * error);
-        }
+            light.weighted_area(link.receiver, &evaluator) * error * error
+        };
+        let dark: Vec<f32> = self.dark.par_iter().with_min_len(1024).map(dark).collect();
+        sum.dark = dark.into_iter().map(f64::from).sum();
         sum
     }
 }

@@ -5,6 +5,7 @@ use crate::evaluate::Evaluator;
 use crate::geometry::NONE;
 use crate::light::{Bands, ClusterSums, Directional, Light, rms};
 use crate::link::{CLUSTER, Link};
+use crate::order::View;
 use crate::rounds::Transport;
 use glam::Vec3;
 use isolux_simd::sphere::{clamped_cosine, evaluate};
@@ -13,6 +14,9 @@ use rayon::prelude::*;
 /// Gathers after which the rest is left out: of reflectances of 0.8 a hundredth is left then.
 const MOST_PASSES: usize = 20;
 
+/// Elements whose squares are summed by one task.
+const CHUNK: usize = 4096;
+
 /// Change of a gather, relative to all, at which the rest is left out.
 const ENOUGH: f64 = 0.02;
 
@@ -20,7 +24,7 @@ const ENOUGH: f64 = 0.02;
 /// parents pass theirs on) included.
 pub(crate) fn spread(lacking: &[Bands], light: &Light, transport: &Transport) -> Vec<Bands> {
     let evaluator = transport.evaluator();
-    let elements = evaluator.elements;
+    let Evaluator { elements, order, .. } = evaluator;
     let rows: Vec<&[Link]> = transport.links.chunk_by(|a, b| a.receiver == b.receiver).collect();
     let clusters = evaluator.clusters.nodes.len();
     let mut intensity: Vec<Directional> = vec![[[0.0; 3]; 9]; clusters];
@@ -31,12 +35,12 @@ pub(crate) fn spread(lacking: &[Bands], light: &Light, transport: &Transport) ->
     for pass in 0..=MOST_PASSES {
         let mut arriving: Vec<Directional> = vec![[[0.0; 3]; 9]; clusters];
         if pass > 0 {
+            error.par_iter_mut().zip(lacking).with_min_len(1024).for_each(|(error, &lacking)| *error = lacking);
             let gathered: Vec<(u32, Directional)> = rows
                 .par_iter()
                 .with_min_len(64)
                 .map(|row| (row[0].receiver, gather(row, &thrown, &intensity, &evaluator)))
                 .collect();
-            error.copy_from_slice(lacking);
             for (receiver, values) in gathered {
                 if receiver & CLUSTER != 0 {
                     arriving[(receiver & !CLUSTER) as usize] = values;
@@ -46,28 +50,46 @@ pub(crate) fn spread(lacking: &[Bands], light: &Light, transport: &Transport) ->
             }
             send_down(&mut arriving, &mut error, &evaluator);
         }
-        for (index, element) in elements.iter().enumerate().filter(|(_, element)| element.first_child != NONE) {
-            let above = error[index];
-            for child in element.first_child as usize..element.first_child as usize + 4 {
-                (0..3).for_each(|band| error[child][band] += above[band]);
+        let hand_down = |view: &mut View<&mut [Bands]>, index: usize| {
+            let (values, own) = view.of(index);
+            let above = values[own];
+            let (values, first) = view.of(elements[index].first_child as usize);
+            for child in &mut values[first..first + 4] {
+                (0..3).for_each(|band| child[band] += above[band]);
             }
-        }
-        let mut square = 0.0;
-        for (index, element) in elements.iter().enumerate().rev() {
-            if element.first_child == NONE {
-                let surface = &evaluator.geometry.surfaces[element.polygon as usize];
-                let open = if element.open == 0 { 0.0 } else { 1.0 };
-                thrown[index] = std::array::from_fn(|band| open * surface.reflectance[band] * error[index][band]);
-                square += f64::from(open * element.area * rms(error[index]) * rms(error[index]));
-            } else {
-                let first = element.first_child as usize;
-                let whole: f32 = (first..first + 4).map(|child| elements[child].area * light.open[child]).sum();
-                let share = |child: usize| elements[child].area * light.open[child] / whole.max(f32::MIN_POSITIVE);
-                thrown[index] = std::array::from_fn(|band| {
-                    (first..first + 4).map(|child| share(child) * thrown[child][band]).sum()
-                });
-            }
-        }
+        };
+        let (mut view, above) = order.above(&mut error[..]);
+        above.for_each(|index| hand_down(&mut view, index));
+        order.down(elements, &mut error[..], hand_down);
+        let squares: Vec<f64> = (thrown.par_chunks_mut(CHUNK))
+            .zip(error.par_chunks(CHUNK))
+            .zip(elements.par_chunks(CHUNK))
+            .map(|((thrown, error), elements)| {
+                let mut square = 0.0;
+                for ((thrown, &error), element) in thrown.iter_mut().zip(error).zip(elements) {
+                    if element.first_child == NONE {
+                        let surface = &evaluator.geometry.surfaces[element.polygon as usize];
+                        let open = if element.open == 0 { 0.0 } else { 1.0 };
+                        *thrown = std::array::from_fn(|band| open * surface.reflectance[band] * error[band]);
+                        square += f64::from(open * element.area * rms(error) * rms(error));
+                    }
+                }
+                square
+            })
+            .collect();
+        let square: f64 = squares.iter().sum();
+        let pull = |view: &mut View<&mut [Bands]>, index: usize| {
+            let first = elements[index].first_child as usize;
+            let open: [f32; 4] = std::array::from_fn(|k| elements[first + k].area * light.open[first + k]);
+            let whole = open.iter().sum::<f32>().max(f32::MIN_POSITIVE);
+            let (values, place) = view.of(first);
+            let mean = std::array::from_fn(|band| (0..4).map(|k| open[k] / whole * values[place + k][band]).sum());
+            let (values, own) = view.of(index);
+            values[own] = mean;
+        };
+        order.up(elements, &mut thrown[..], pull);
+        let (mut view, above) = order.above(&mut thrown[..]);
+        above.rev().for_each(|index| pull(&mut view, index));
         let size = square.sqrt();
         if pass == MOST_PASSES || pass > 1 && (size - before).abs() <= ENOUGH * size {
             break;
@@ -118,15 +140,13 @@ fn gather(row: &[Link], thrown: &[Bands], intensity: &[Directional], evaluator: 
 
 /// From clusters to the clusters and polygons below them.
 fn send_down(arriving: &mut [Directional], error: &mut [Bands], evaluator: &Evaluator<'_>) {
-    evaluator.clusters.pass_down(arriving);
-    for (index, node) in evaluator.clusters.nodes.iter().enumerate() {
-        if node.second == 0 {
-            for &polygon in evaluator.clusters.members(index as u32) {
-                let cosine = clamped_cosine(evaluator.geometry.surfaces[polygon as usize].normal.to_array());
-                for band in 0..3 {
-                    error[polygon as usize][band] += (0..9).map(|k| cosine[k] * arriving[index][k][band]).sum::<f32>();
-                }
-            }
+    let Evaluator { geometry, clusters, .. } = *evaluator;
+    clusters.pass_down(arriving);
+    let polygons = error.par_iter_mut().zip(&clusters.home).zip(&geometry.surfaces).with_min_len(1024);
+    polygons.filter(|((_, home), _)| **home != NONE).for_each(|((error, &home), surface)| {
+        let cosine = clamped_cosine(surface.normal.to_array());
+        for band in 0..3 {
+            error[band] += (0..9).map(|k| cosine[k] * arriving[home as usize][k][band]).sum::<f32>();
         }
-    }
+    });
 }
