@@ -8,41 +8,89 @@ use isolux_core::solution::bilinear_coordinates;
 
 /// Irradiance at a point of a polygon, in the middle's coordinates.
 pub(crate) fn field_at(geometry: &Geometry, elements: &[Element], light: &Light, polygon: u32, point: Vec3) -> Bands {
-    let normal = geometry.surfaces[polygon as usize].normal;
+    let normal = geometry.surfaces[polygon as usize].normal.as_dvec3();
     let mut index = polygon as usize;
+    let corners = elements[index].corners.map(|corner| corner.as_dvec3());
+    let mut place = Place::new(&corners[..elements[index].count as usize], normal, point.as_dvec3());
     while elements[index].first_child != NONE {
-        index = elements[index].first_child as usize + quadrant(&elements[index], normal, point);
+        index = elements[index].first_child as usize + place.descend();
     }
-    let element = &elements[index];
-    let corners = element.corners.map(|corner| corner.as_dvec3());
-    within(&corners[..element.count as usize], normal.as_dvec3(), point.as_dvec3(), &light.field[index])
+    place.value(&light.field[index])
 }
 
 /// A leaf's field at one of its points: linear along the sides, and the bulge in between. A point that rounding puts
 /// outside takes the value on the border.
 pub(crate) fn within(corners: &[DVec3], normal: DVec3, point: DVec3, field: &Field) -> Bands {
-    let (weights, bulge) = if let &[a, b, c, d] = corners {
-        let (s, t) = bilinear_coordinates([a, b, c, d], normal, point);
-        let (u, v) = (2.0 * s - 1.0, 2.0 * t - 1.0);
-        ([(1.0 - s) * (1.0 - t), s * (1.0 - t), s * t, (1.0 - s) * t], 1.0 - 0.5 * (u * u + v * v))
-    } else {
+    Place::new(corners, normal, point).value(field)
+}
+
+/// Where a point is in an element.
+#[derive(Clone, Copy, Debug)]
+enum Place {
+    /// Coordinates of the bilinear map.
+    Quadrilateral([f64; 2]),
+    /// Barycentric coordinates.
+    Triangle([f64; 3]),
+}
+
+impl Place {
+    fn new(corners: &[DVec3], normal: DVec3, point: DVec3) -> Place {
+        if let &[a, b, c, d] = corners {
+            let (s, t) = bilinear_coordinates([a, b, c, d], normal, point);
+            return Place::Quadrilateral([s, t]);
+        }
         let (a, b, c) = (corners[0], corners[1], corners[2]);
         let whole = normal.dot((b - a).cross(c - a));
         let first = (normal.dot((b - point).cross(c - point)) / whole).clamp(0.0, 1.0);
         let second = (normal.dot((c - point).cross(a - point)) / whole).clamp(0.0, 1.0);
-        let third = (1.0 - first - second).max(0.0);
-        ([first, second, third, 0.0], 3.0 * (first * second + second * third + third * first))
-    };
-    let count = corners.len();
-    std::array::from_fn(|band| {
-        let at = |k: usize| f64::from(field[k][band]);
-        let plain: f64 = (0..count).map(|k| weights[k] * at(k)).sum();
-        let mean = (0..count).map(at).sum::<f64>() / count as f64;
-        (plain + bulge * (at(MIDDLE) - mean)).max(0.0) as f32
-    })
+        Place::Triangle([first, second, (1.0 - first - second).max(0.0)])
+    }
+
+    /// Goes on to the quarter that holds the point, and says which it is: quarters of a bilinear map are bilinear maps.
+    fn descend(&mut self) -> usize {
+        match self {
+            Place::Quadrilateral(place) => {
+                let upper = place.map(|along| along >= 0.5);
+                for (along, upper) in place.iter_mut().zip(upper) {
+                    *along = 2.0 * *along - if upper { 1.0 } else { 0.0 };
+                }
+                match upper {
+                    [false, false] => 0,
+                    [true, false] => 1,
+                    [true, true] => 2,
+                    [false, true] => 3,
+                }
+            }
+            Place::Triangle(place) => {
+                let corner = place.iter().position(|&weight| weight > 0.5);
+                *place = match corner {
+                    Some(corner) => std::array::from_fn(|k| 2.0 * place[k] - if k == corner { 1.0 } else { 0.0 }),
+                    None => place.map(|weight| 1.0 - 2.0 * weight),
+                };
+                corner.unwrap_or(3)
+            }
+        }
+    }
+
+    fn value(&self, field: &Field) -> Bands {
+        let (weights, bulge, count) = match *self {
+            Place::Quadrilateral([s, t]) => {
+                let (u, v) = (2.0 * s - 1.0, 2.0 * t - 1.0);
+                let weights = [(1.0 - s) * (1.0 - t), s * (1.0 - t), s * t, (1.0 - s) * t];
+                (weights, 1.0 - 0.5 * (u * u + v * v), 4)
+            }
+            Place::Triangle([a, b, c]) => ([a, b, c, 0.0], 3.0 * (a * b + b * c + c * a), 3),
+        };
+        std::array::from_fn(|band| {
+            let at = |k: usize| f64::from(field[k][band]);
+            let plain: f64 = (0..count).map(|k| weights[k] * at(k)).sum();
+            let mean = (0..count).map(at).sum::<f64>() / count as f64;
+            (plain + bulge * (at(MIDDLE) - mean)).max(0.0) as f32
+        })
+    }
 }
 
-/// Which quarter holds a point: [`isolux_core::tree::quadrant_of`] in single precision, since rays ask it by the million.
+/// Which quarter holds a point: [`isolux_core::tree::quadrant_of`] in single precision.
 pub(crate) fn quadrant(element: &Element, normal: Vec3, point: Vec3) -> usize {
     let left = |from: Vec3, to: Vec3| normal.dot((to - from).cross(point - from)) > 0.0;
     let middle = |a: Vec3, b: Vec3| (a + b) * 0.5;
