@@ -58,8 +58,9 @@ fn solve(scene: &str, error: f64, points: &str, out: &str, ideas: Ideas) -> Resu
     let seconds = start.elapsed().as_secs_f64();
     let last = solved.stages.last().ok_or("nothing was refined")?;
     println!(
-        "{{\"seconds\": {seconds}, \"elements\": {}, \"links\": {}, \"dark_links\": {}, \"pairs\": {}, \"packets\": {}, \
-         \"claimed\": {}, \"bound\": \"{}\"}}",
+        "{{\"seconds\": {seconds}, \"refinement\": {}, \"elements\": {}, \"links\": {}, \
+         \"dark_links\": {}, \"pairs\": {}, \"packets\": {}, \"claimed\": {}, \"bound\": \"{}\"}}",
+        solved.stages.iter().map(|stage| stage.seconds[0]).sum::<f64>(),
         last.elements,
         last.links,
         last.dark_links,

@@ -131,21 +131,32 @@ impl Evaluator<'_> {
     pub(crate) fn exchange(&self, x: &Element, y: &Element) -> ([f32; 5], [f32; 5]) {
         let (mut there, mut back) = (self.factors(x, y), self.factors(y, x));
         if x.area > y.area {
-            reconcile(&mut there, x.count, y.area / x.area * mean(&back, y.count));
+            self.reconcile(&mut there, x.count, y.area / x.area * mean(&back, y.count));
         } else {
-            reconcile(&mut back, y.count, x.area / y.area * mean(&there, x.count));
+            self.reconcile(&mut back, y.count, x.area / y.area * mean(&there, x.count));
         }
         (there, back)
+    }
+
+    /// Gives a field the mean that it is known to have: where it has too much everywhere, where it lacks at the middle, as
+    /// leaves will know better where it belongs.
+    fn reconcile(&self, at: &mut [f32; 5], count: u8, wanted: f32) {
+        let found = mean(at, count);
+        if wanted < found {
+            let share = wanted / found;
+            at.iter_mut().for_each(|value| *value *= share);
+        } else if self.ideas.leaves_anew {
+            at[MIDDLE] += (wanted - found) / crate::field::share(count);
+        } else {
+            at.iter_mut().for_each(|value| *value += wanted - found);
+        }
     }
 
     /// A link of a receiver all of whose points are behind the source, though a corner is not: it carries nothing, and says
     /// how much its parts may receive.
     fn straddling(&self, receiver: u32, source: u32) -> Option<Link> {
         let (x, y) = (&self.elements[receiver as usize], &self.elements[source as usize]);
-        let centre = x.centre();
-        let corners = std::array::from_fn(|k| x.corners[k.min(3)] + (centre - x.corners[k.min(3)]) * CORNER_INSET);
-        let factors = self.factors_at(&corners, x, y);
-        let most = factors.iter().fold(0.0_f32, |most, &factor| most.max(factor));
+        let most = self.factors_in_corners(x, y).iter().fold(0.0_f32, |most, &factor| most.max(factor));
         let state = State::new(128, byte(most).max(1), State::few(0.0), State::GRAZING, [0.5; 2]);
         (most > 0.0).then_some(Link { receiver, source, factors: [0.0; 5], state })
     }
@@ -171,6 +182,13 @@ impl Evaluator<'_> {
     /// Unoccluded factors at the points of `receiver`.
     pub(crate) fn factors(&self, receiver: &Element, source: &Element) -> [f32; 5] {
         self.factors_at(&points(receiver), receiver, source)
+    }
+
+    /// Unoccluded factors in the corners of `receiver`; the last ones are that of its last corner.
+    pub(crate) fn factors_in_corners(&self, receiver: &Element, source: &Element) -> [f32; 5] {
+        let (centre, corners) = (receiver.centre(), &receiver.corners);
+        let inset = std::array::from_fn(|k| corners[k.min(3)] + (centre - corners[k.min(3)]) * CORNER_INSET);
+        self.factors_at(&inset, receiver, source)
     }
 
     fn factors_at(&self, points: &[Vec3; 5], receiver: &Element, source: &Element) -> [f32; 5] {
@@ -417,17 +435,6 @@ fn point_in(element: &Element, k: usize, depth: usize, index: usize, jitter: [f3
 /// The digits of an index to base 4 in reverse order.
 fn reversed(index: usize, digits: usize) -> usize {
     (0..digits).fold(0, |reversed, digit| reversed << 2 | index >> (2 * digit) & 3)
-}
-
-/// Gives a field the mean that it is known to have: at the middle, where it lacks; everywhere, where it has too much.
-fn reconcile(at: &mut [f32; 5], count: u8, wanted: f32) {
-    let found = mean(at, count);
-    if wanted < found {
-        let share = wanted / found;
-        at.iter_mut().for_each(|value| *value *= share);
-    } else {
-        at[MIDDLE] += (wanted - found) / crate::field::share(count);
-    }
 }
 
 /// Height of a ball's middle above a plane, metres. Where the plane cuts through the ball, which is noted, a mean of its

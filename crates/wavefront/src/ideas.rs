@@ -31,12 +31,12 @@ ideas! {
     /// refinement before all pairs are reached, those that are left stay between clusters even so.
     clusters,
     /// Irradiance over an element is a quadratic function. Without, what a link brings is the same all over its receiver,
-    /// and so is a leaf's field; links are split where their factors vary.
+    /// and so is a leaf's field; what factors vary counts as an error of the link.
     linear_receivers,
     /// A link reads the radiosity at the place on the source where its light comes from. Without, it reads the mean.
     linear_sources,
-    /// Leaves take form factors at their own points. Without, the factors of links are interpolated, and links are split where
-    /// too much is lost by that.
+    /// Leaves take form factors at their own points. Without, the factors of links are interpolated, and what the corners
+    /// have beyond that counts as an error of the link.
     leaves_anew,
     /// Leaves interpolate those factors that are smooth over the link's receiver. Without, they take all anew.
     smooth_factors,

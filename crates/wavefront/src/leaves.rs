@@ -128,22 +128,16 @@ impl Near<'_> {
 /// Share of the limit that may be lost by interpolating the factors of one link: many are.
 const SMOOTH: f32 = 0.5;
 
-/// Is it enough to interpolate a link's factors over its receiver?
+/// Is it enough to interpolate a link's factors over its receiver? A factor bends by the square of what the receiver's size
+/// is to the distance, and a half is left of that between five points.
 pub(crate) fn is_smooth(link: &Link, element: &Element, limit: f32, light: &Light, evaluator: &Evaluator<'_>) -> bool {
-    let lost = lost_between(link, element, light, evaluator);
-    evaluator.ideas.smooth_factors && element.area * lost * lost < SMOOTH * limit
-}
-
-/// Irradiance that is lost by interpolating a link's factors over its receiver. A factor bends by the square of what the
-/// receiver's size is to the distance, and a half is left of that between five points.
-#[inline]
-pub(crate) fn lost_between(link: &Link, element: &Element, light: &Light, evaluator: &Evaluator<'_>) -> f32 {
     let (to, other) = evaluator.ball(link.source);
     let own = element.radius();
     let clear = (element.centre().distance(to) - other).max(own);
     let bend = 0.5 * (own / clear) * (own / clear);
     let most = link.factors.iter().fold(0.0_f32, |most, &factor| most.max(factor));
-    most * crate::light::rms(light.value(link, evaluator)) * bend
+    let lost = most * crate::light::rms(light.value(link, evaluator)) * bend;
+    evaluator.ideas.smooth_factors && element.area * lost * lost < SMOOTH * limit
 }
 
 /// Levels of a polygon whose quarters are visited side by side, and rows from which on that is worth it.

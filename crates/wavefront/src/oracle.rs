@@ -1,7 +1,7 @@
 //! Decides what becomes of a link: the error that it leaves against the error that is permitted.
 
 use crate::evaluate::Evaluator;
-use crate::leaves::lost_between;
+use crate::field::{mean, to_corners};
 use crate::light::Light;
 use crate::link::{CLUSTER, Link, State};
 
@@ -34,6 +34,9 @@ impl Errors {
 /// RMS over an element of what a field with values at corners and middle leaves of a quadratic, in units of the bulge
 /// (middle less mean of the corners): 0.33 for x², 0.25 for x² + y².
 pub(crate) const BULGE: f32 = 0.3;
+
+/// RMS over an element of a linear function, in units of that over its corners: sqrt(1/3), on a triangle 1/2.
+const SLOPE: f32 = 0.58;
 
 /// RMS of what linear interpolation between three points leaves of a step of 1 anywhere: sqrt(1/12).
 const STEP: f32 = 0.29;
@@ -121,7 +124,7 @@ pub(crate) fn errors(link: &Link, evaluator: &Evaluator<'_>, light: &Light) -> E
         // What factors vary over the receiver is no error where leaves take them anew.
         let ideas = evaluator.ideas;
         if !(ideas.linear_receivers && ideas.leaves_anew || dark) {
-            errors.receiver += varying(link, value, evaluator, light);
+            errors.receiver += varying(link, evaluator) * value;
         }
     }
     if is_cluster(link.source) {
@@ -154,16 +157,25 @@ pub(crate) fn errors(link: &Link, evaluator: &Evaluator<'_>, light: &Light) -> E
     errors
 }
 
-/// What the factors of a link from an element vary over its receiver, as far as neither links nor leaves follow.
-fn varying(link: &Link, value: f32, evaluator: &Evaluator<'_>, light: &Light) -> f32 {
-    let element = &evaluator.elements[link.receiver as usize];
-    if evaluator.ideas.linear_receivers {
-        return lost_between(link, element, light, evaluator);
-    }
-    let factors = &link.factors[..element.count as usize];
-    let mean = factors.iter().sum::<f32>() / factors.len() as f32;
-    let square = factors.iter().map(|factor| (factor - mean) * (factor - mean)).sum::<f32>() / factors.len() as f32;
-    square.sqrt() * value
+/// RMS over a link's receiver of what its factors vary as neither links nor leaves follow, in units of what links carry:
+/// what the corners have beyond what is interpolated there, or beyond the mean.
+fn varying(link: &Link, evaluator: &Evaluator<'_>) -> f32 {
+    let receiver = &evaluator.elements[link.receiver as usize];
+    let interpolated = to_corners(&link.factors, receiver.count);
+    let there = if link.source & CLUSTER == 0 {
+        let visibility = f32::from(link.state.visibility) / 255.0;
+        let source = &evaluator.elements[link.source as usize];
+        evaluator.factors_in_corners(receiver, source).map(|factor| visibility * factor)
+    } else {
+        interpolated
+    };
+    let (taken, share) = if evaluator.ideas.linear_receivers {
+        (interpolated, BULGE)
+    } else {
+        ([mean(&link.factors, receiver.count); 5], SLOPE)
+    };
+    let count = receiver.count as usize;
+    share * ((0..count).map(|k| (there[k] - taken[k]) * (there[k] - taken[k])).sum::<f32>() / count as f32).sqrt()
 }
 
 /// May a node be split?

@@ -157,21 +157,22 @@ fn without_proofs_of_blocking_more_links_stay_dark() {
 
 /// Catches a part of a clear pair that is not clear, and a proof that hides light.
 #[test]
-fn what_only_saves_time_changes_no_bit() {
+fn proofs_change_no_bit() {
     for name in ["inherited_proofs", "blocked_proofs"] {
-        let (one, whole) = (&without(name).outcome, &WHOLE.outcome);
-        assert!(one.links == whole.links && one.fields == whole.fields, "{name}");
+        assert_eq!(without(name).outcome.links, WHOLE.outcome.links, "{name}");
+        assert_eq!(without(name).outcome.fields, WHOLE.outcome.fields, "{name}");
     }
 }
 
-/// Catches an answer that depends on what blocked another pair. A ray along a surface's edge may hit the surface where it
-/// is asked at once, and miss its box by rounding on the way down the tree: 1 link of 17,237 here.
+/// Catches a visibility that is taken over from another pair. One ray of many a thousand that runs along a surface and past
+/// its border by less than a skin is blocked if that surface is asked first, and passes its box otherwise: for 10 % that is
+/// seen in 2 links of 61,717.
 #[test]
-fn the_last_blocker_changes_hardly_a_link() {
-    let (one, whole) = (&without("last_blocker").outcome.links, &WHOLE.outcome.links);
-    assert!(one.receiver == whole.receiver && one.source == whole.source);
-    let changed = one.factors.iter().zip(&whole.factors).filter(|(one, whole)| one != whole).count();
-    assert!(changed * 2000 < whole.factors.len(), "{changed}");
+fn the_last_blocker_changes_next_to_no_link() {
+    let (with, without) = (&WHOLE.outcome.links, &without("last_blocker").outcome.links);
+    assert_eq!((&without.receiver, &without.source), (&with.receiver, &with.source));
+    let apart = without.factors.iter().zip(&with.factors).filter(|(a, b)| a != b).count();
+    assert!(apart <= with.factors.len() / 10_000, "{apart}");
 }
 
 /// Catches a switch that is connected to nothing, and one that breaks the light. Of all these solves for 20 % none has a mean
@@ -179,7 +180,7 @@ fn the_last_blocker_changes_hardly_a_link() {
 #[test]
 fn all_others_change_the_links_and_keep_the_light() {
     for (name, solve) in WITHOUT.iter().filter(|(name, _)| !ONLY_FASTER.contains(name)) {
-        assert!(solve.outcome.links != WHOLE.outcome.links, "{name}");
+        assert_ne!(solve.outcome.links, WHOLE.outcome.links, "{name}");
         let apart = solve.mean() / WHOLE.mean() - 1.0;
         assert!(apart.abs() < 0.05, "{name}: {apart}");
     }
