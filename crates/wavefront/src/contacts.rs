@@ -353,24 +353,30 @@ fn look_around(point: Vec3, polygon: u32, geometry: &Geometry) -> Option<Vec<See
     Some(seen)
 }
 
-/// Appends the quarters of `element`, unless it has some, and returns the first.
-pub(crate) fn split(elements: &mut Vec<Element>, element: u32, geometry: &Geometry) -> u32 {
-    let node = elements[element as usize];
-    if node.first_child != NONE {
-        return node.first_child;
+/// Quarters elements, those that are not yet; which of the quarters' parts are covered is found side by side.
+pub(crate) fn split(elements: &mut Vec<Element>, nodes: impl IntoIterator<Item = u32>, geometry: &Geometry) {
+    let mut parents = Vec::new();
+    for node in nodes {
+        if elements[node as usize].first_child == NONE {
+            elements[node as usize].first_child = (elements.len() + 4 * parents.len()) as u32;
+            parents.push(node);
+        }
     }
-    let first = elements.len() as u32;
-    let normal = geometry.surfaces[node.polygon as usize].normal;
-    let mut quarters = node.quarters(element);
+    let quarters: Vec<[Element; 4]> =
+        parents.par_iter().map(|&node| quarters_of(&elements[node as usize], node, geometry)).collect();
+    elements.extend(quarters.into_iter().flatten());
+}
+
+fn quarters_of(element: &Element, own: u32, geometry: &Geometry) -> [Element; 4] {
+    let normal = geometry.surfaces[element.polygon as usize].normal;
+    let mut quarters = element.quarters(own);
     for quarter in &mut quarters {
-        quarter.open = node.open;
-        if node.crossed {
+        quarter.open = element.open;
+        if element.crossed {
             let mut lines = geometry.contacts.near(quarter, geometry.tolerance);
             quarter.crossed = lines.any(|line| crosses(quarter, line, normal, geometry.tolerance));
             (quarter.open, quarter.divided) = open_parts(quarter, geometry);
         }
     }
-    elements.extend(quarters);
-    elements[element as usize].first_child = first;
-    first
+    quarters
 }

@@ -20,6 +20,10 @@ const CHUNK: usize = 128;
 /// Pairs between two looks at the bounds: some 30 ms of one core.
 const SLICE: usize = 1 << 16;
 
+/// Pairs of polygons that are evaluated one by one in any scene, about: of so few, clusters save little, and cost accuracy. A
+/// pair of nodes goes without clusters if it has at most as many pairs of polygons as this is more than all polygons.
+const FEW_PAIRS: usize = 300_000;
+
 /// Nodes and patches that a proof of clearness may look at.
 const SHAFT_BUDGET: u32 = 24;
 
@@ -175,27 +179,31 @@ impl Transport {
                 outcome
             })
             .collect();
-        let mut next = Vec::with_capacity(outcomes.iter().map(|outcome| 4 * outcome.splits.len()).sum());
+        let mut splits = Vec::with_capacity(outcomes.iter().map(|outcome| outcome.splits.len()).sum());
         for outcome in outcomes {
             self.links.extend(outcome.kept);
             self.dark.extend(outcome.dark);
             self.alone.extend(outcome.alone);
             self.evaluated += outcome.evaluated;
             self.packets += outcome.packets;
-            for Split { node, pair } in outcome.splits {
-                self.divide(node, pair, &mut next);
-            }
+            splits.extend(outcome.splits);
+        }
+        let nodes = splits.iter().map(|split| split.node).filter(|node| node & CLUSTER == 0);
+        split(&mut self.elements, nodes, &self.geometry);
+        let mut next = Vec::with_capacity(4 * splits.len());
+        for Split { node, pair } in splits {
+            self.divide(node, pair, &mut next);
         }
         light.adopt(&self.elements);
         next
     }
 
     /// The pairs that take the place of one whose `node` is split.
-    fn divide(&mut self, node: u32, pair: Pair, next: &mut Vec<Open>) {
+    fn divide(&self, node: u32, pair: Pair, next: &mut Vec<Open>) {
         let mut children = [0_u32; 16];
         let mut count = 0;
         if node & CLUSTER == 0 {
-            let first = split(&mut self.elements, node, &self.geometry);
+            let first = self.elements[node as usize].first_child;
             for k in 0..4 {
                 children[k as usize] = first + k;
             }
@@ -265,9 +273,7 @@ impl Transport {
             })
             .map(|(leaf, _)| leaf as u32)
             .collect();
-        for &leaf in &coarse {
-            split(&mut self.elements, leaf, &self.geometry);
-        }
+        split(&mut self.elements, coarse.iter().copied(), &self.geometry);
         light.adopt(&self.elements);
         coarse.len()
     }
@@ -346,8 +352,10 @@ impl Remaining {
 
 fn examine(pair: &Pair, evaluator: &Evaluator<'_>, light: &Light, limit: Limit, last: &mut u32, outcome: &mut Outcome) {
     let &Pair { a, b, wants, clear } = pair;
-    if (a | b) & CLUSTER != 0 && !evaluator.ideas.clusters && limit.error < f32::INFINITY {
-        outcome.splits.push(Split { node: if a & CLUSTER != 0 { a } else { b }, pair: *pair });
+    if (a | b) & CLUSTER != 0 && is_worth_no_cluster(a, b, evaluator) && limit.error < f32::INFINITY {
+        let larger =
+            if a & CLUSTER == 0 || b & CLUSTER != 0 && evaluator.ball(b).1 > evaluator.ball(a).1 { b } else { a };
+        outcome.splits.push(Split { node: larger, pair: *pair });
         return;
     }
     if a == b {
@@ -364,6 +372,14 @@ fn examine(pair: &Pair, evaluator: &Evaluator<'_>, light: &Light, limit: Limit, 
     let clear = clear && (evaluator.ideas.inherited_proofs || is_clear_between(a, b, evaluator));
     let links = evaluator.pair(a, b, wants, clear, last);
     decide(links, clear, evaluator, light, limit, last, outcome);
+}
+
+/// Are there so few pairs of polygons in a pair of nodes that all of them are soon evaluated?
+fn is_worth_no_cluster(a: u32, b: u32, evaluator: &Evaluator<'_>) -> bool {
+    let clusters = evaluator.clusters;
+    let size = |node: u32| if node & CLUSTER == 0 { 1 } else { clusters.members(node & !CLUSTER).len() };
+    let pairs = if a == b { size(a) * size(a) / 2 } else { size(a) * size(b) };
+    !evaluator.ideas.clusters || pairs * clusters.order.len() <= FEW_PAIRS
 }
 
 fn decide(
