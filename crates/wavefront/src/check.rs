@@ -48,6 +48,8 @@ pub struct Check {
     pub dark: Found,
     /// Mean irradiance of that half, relative to the mean of all.
     pub dark_mean: f64,
+    /// Points, those that turned out to be covered included.
+    pub points: usize,
     /// Rays.
     pub rays: u64,
 }
@@ -150,8 +152,9 @@ impl Choice<'_> {
     }
 }
 
-/// Compares irradiances with what rays bring, at points spread over all fronts.
-pub(crate) fn check(transport: &Transport, light: &Light, error: f64, seed: u64) -> Check {
+/// Compares irradiances with what rays bring, at points spread over all fronts; so many as the elements ask for, unless
+/// their number is given.
+pub(crate) fn check(transport: &Transport, light: &Light, error: f64, seed: u64, points: Option<usize>) -> Check {
     let (geometry, elements) = (&*transport.geometry, &transport.elements[..]);
     let side = (SIDE_PER_ERROR / error).clamp(SIDES.0, SIDES.1) as usize;
     let to_lights = (TO_LIGHTS * (side * side) as f64) as usize;
@@ -163,7 +166,7 @@ pub(crate) fn check(transport: &Transport, light: &Light, error: f64, seed: u64)
         before.push(area);
         area += f64::from(root.area);
     }
-    let count = (elements.len() / ELEMENTS_PER_POINT).clamp(POINTS.0, POINTS.1);
+    let count = points.unwrap_or_else(|| (elements.len() / ELEMENTS_PER_POINT).clamp(POINTS.0, POINTS.1));
     let points: Vec<Point> = (0..count)
         .into_par_iter()
         .filter_map(|index| {
@@ -217,6 +220,7 @@ pub(crate) fn check(transport: &Transport, light: &Light, error: f64, seed: u64)
         all,
         dark,
         dark_mean: if mean > 0.0 { dark_mean / mean } else { 0.0 },
+        points: count,
         rays: (points.len() * 2 * (side * side + to_lights)) as u64,
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::link::Link;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicUsize, Ordering};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Shared by a solve and whoever watches it. Every entry is a hint by itself: nothing else is read after it, so all
 /// accesses are relaxed.
@@ -71,6 +71,8 @@ pub(crate) struct Budget<'a> {
     /// What the scene and its trees take already.
     pub(crate) fixed: usize,
     pub(crate) deadline: Option<Instant>,
+    /// Seconds that each element takes between refinement and the deadline, foreseen.
+    pub(crate) rest: f64,
     pub(crate) control: &'a Control,
 }
 
@@ -84,10 +86,14 @@ impl Budget<'_> {
             Some(Bound::Elements)
         } else if self.fixed + elements * ELEMENT + links * LINK >= self.bytes {
             Some(Bound::Memory)
-        } else if self.deadline.is_some_and(|deadline| Instant::now() >= deadline) {
+        } else if self.deadline.is_some_and(|deadline| Instant::now() + self.rest_of(elements) >= deadline) {
             Some(Bound::Time)
         } else {
             None
         }
+    }
+
+    fn rest_of(&self, elements: usize) -> Duration {
+        Duration::from_secs_f64(self.rest * elements as f64)
     }
 }

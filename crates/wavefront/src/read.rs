@@ -1,5 +1,6 @@
 //! Values at points: a field and a place go in, the light there comes out.
 
+use crate::field::INNER;
 use crate::geometry::{Element, Geometry, NONE};
 use crate::light::{Bands, Field, Light};
 use crate::link::MIDDLE;
@@ -16,6 +17,27 @@ pub(crate) fn field_at(geometry: &Geometry, elements: &[Element], light: &Light,
         index = elements[index].first_child as usize + place.descend();
     }
     place.value(&light.field[index])
+}
+
+/// Irradiance of a node at its samples, by the leaves below it.
+pub(crate) fn samples(elements: &[Element], light: &Light, node: usize) -> Field {
+    let count = elements[node].count as usize;
+    let inner = f64::from(INNER);
+    std::array::from_fn(|k| {
+        let mut place = if count == 4 {
+            let corner = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [0.5, 0.5]][k];
+            Place::Quadrilateral(corner.map(|along: f64| 0.5 + inner * (along - 0.5)))
+        } else {
+            let corner = if k == MIDDLE { usize::MAX } else { k.min(2) };
+            let share = if k == MIDDLE { 0.0 } else { inner };
+            Place::Triangle(std::array::from_fn(|l| (1.0 - share) / 3.0 + if l == corner { share } else { 0.0 }))
+        };
+        let mut index = node;
+        while elements[index].first_child != NONE {
+            index = elements[index].first_child as usize + place.descend();
+        }
+        place.value(&light.field[index])
+    })
 }
 
 /// A leaf's field at one of its points: linear along the sides, and the bulge in between. A point that rounding puts

@@ -123,17 +123,28 @@ const MARGIN: f64 = 0.85;
 const FUTILE: f64 = 4.0;
 
 /// Stages one after the other that lower what is claimed by less than a share each, before more are taken to bring nothing.
-const VAIN: u32 = 3;
+const VAIN: u32 = 2;
 const WORTH: f64 = 0.1;
 
 /// By which power of the permitted error of a link the error falls, at least and at most.
 const POWERS: (f64, f64) = (0.2, 0.5);
+
+/// By which power of what a link is permitted, downwards, the number of elements grows, at least and at most; and how much it
+/// may grow in a stage: what is foreseen for a larger one is not to be relied on.
+const GROWTHS: (f64, f64) = (0.2, 1.0);
+const MOST_GROWTH: f64 = 4.0;
+
+/// Points of a check at most, where few leave too much doubt.
+const MOST_POINTS: usize = 1 << 15;
 
 /// Share of the asked error that a stage aims at.
 const AIM: f64 = 0.8;
 
 /// Bytes at which refinement ends where nothing else was asked for.
 pub const MEMORY: u64 = 4 << 30;
+
+/// How much longer, by element, what follows refinement may take than in the stage before.
+const REST: f64 = 1.5;
 
 /// How much longer than the gathers of the stage before a stage may take: elements grow by the square of what the error falls.
 const GROWTH: f64 = 2.5;
@@ -170,6 +181,7 @@ impl Prepared {
             bytes: request.memory.unwrap_or(MEMORY) as usize,
             fixed: geometry.bvh.memory() + clusters.memory() + scene.polygons.len() * size_of_val(&scene.polygons[0]),
             deadline,
+            rest: 0.0,
             control,
         };
         let mut transport = Transport {
@@ -190,13 +202,15 @@ impl Prepared {
         // The least error claimed so far, and the stages since that made no better one.
         let (mut best, mut vain) = (f64::INFINITY, 0);
         let mut settled = 0.0;
+        // Has there been a check that left nothing but doubt?
+        let mut doubted = false;
         let mut last_share = 0.0;
         let mut share = FIRST_SHARE * (FIRST_AIM.max(request.error)).powi(2);
         while bound.is_none() {
             control.begin_stage();
             // What comes after refinement takes its time too.
-            let rest = stages.last().map_or(0.0, |last| GROWTH * (last.seconds[1] + last.seconds[2]));
-            budget.deadline = deadline.map(|deadline| deadline - Duration::from_secs_f64(rest).min(deadline - start));
+            let rest = |last: &Stage| REST * (last.seconds[1] + last.seconds[2]) / last.elements as f64;
+            budget.rest = stages.last().map_or(0.0, rest);
             let limit = Limit { error: (share * mean * mean * area) as f32, area: (request.least_area * area) as f32 };
             let begun = Instant::now();
             let before = transport.elements.len();
@@ -229,7 +243,16 @@ impl Prepared {
                 };
             }
             let asked = bound.is_some() || by_links <= SLACK * request.error;
-            let found = asked.then(|| check(&transport, &light, request.error, request.seed));
+            let mut found = asked.then(|| check(&transport, &light, request.error, request.seed, None));
+            let wanted = MARGIN * request.error;
+            let is_doubted = |found: &Check| found.all.error <= wanted && claim(found, 0.0).total > wanted;
+            if let Some(found) = found.as_mut().filter(|found| is_doubted(found)) {
+                // Once, refinement may be the cheaper way.
+                while doubted && is_doubted(found) && found.points < MOST_POINTS {
+                    *found = check(&transport, &light, request.error, request.seed, Some(4 * found.points));
+                }
+                doubted = true;
+            }
             let now = found.map(|found| claim(&found, by_links));
             let checked = begun.elapsed();
             stages.push(Stage {
@@ -268,8 +291,13 @@ impl Prepared {
                 let fell = (pair[1].by_links / pair[0].by_links).ln() / (share / last_share).ln();
                 fell.clamp(POWERS.0, POWERS.1)
             });
+            let growth = stages.windows(2).last().map_or(1.0, |pair| {
+                let grew = (pair[1].elements as f64 / pair[0].elements as f64).ln() / (last_share / share).ln();
+                grew.clamp(GROWTHS.0, GROWTHS.1)
+            });
+            let least = MOST_GROWTH.powf(-1.0 / growth).min(0.5);
             last_share = share;
-            share *= (AIM * request.error / reached).powf(1.0 / power).clamp(0.01, 0.5);
+            share *= (AIM * request.error / reached).powf(1.0 / power).clamp(least, 0.5);
         }
         if bound.is_some() && estimate.is_some_and(|now| now.total <= request.error) && request.dark.is_none() {
             bound = bound.filter(|&bound| bound == Bound::Stop);
