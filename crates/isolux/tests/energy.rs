@@ -5,11 +5,9 @@
 mod common;
 
 use common::inputs::{Make, box_faces, empty, grey, v};
-use common::{draft, scene, shipped, solved};
-use isolux::core::sampling::Stream;
-use isolux::core::scene::{Scene, SceneInput};
-use isolux::{Changes, Energy, Settings, Solution, Tracer};
-use std::sync::Arc;
+use common::{draft, path_ends, scene, shipped, solved};
+use isolux::core::scene::SceneInput;
+use isolux::{Changes, Energy, Settings, Solution};
 
 fn asked(error: f64) -> Settings {
     Settings { error, ..draft() }
@@ -90,31 +88,8 @@ fn open_box(reflectance: f64) -> SceneInput {
     input
 }
 
-/// Share of paths of light from the lamp that leave the scene before they are absorbed, and its standard error.
-fn traced_escape(scene: &Arc<Scene>, paths: u32) -> (f64, f64) {
-    let tracer = Tracer::new(scene.clone());
-    let lamp = scene.polygons.iter().find(|polygon| polygon.emission.mean() > 0.0).unwrap();
-    let mut stream = Stream::new(7);
-    let mut escaped = 0;
-    for _ in 0..paths {
-        let mut at = stream.point(&lamp.corners, &lamp.plane);
-        let mut direction = stream.cosine_direction(lamp.plane.normal);
-        loop {
-            let Some(meeting) = tracer.closest(at, direction, f64::INFINITY) else {
-                escaped += 1;
-                break;
-            };
-            let polygon = &scene.polygons[meeting.polygon as usize];
-            if stream.next_unit() >= polygon.reflectance.mean() {
-                break;
-            }
-            at += direction * meeting.distance;
-            direction = stream.cosine_direction(polygon.plane.normal);
-        }
-    }
-    let share = f64::from(escaped) / f64::from(paths);
-    (share, (share * (1.0 - share) / f64::from(paths)).sqrt())
-}
+/// Paths of light: a half of them comes out within 0.6 %, four standard deviations.
+const PATHS: usize = 100_000;
 
 /// Catches losses that are not those of the scene: from a box without a lid what leaves is what paths of light say that know
 /// neither elements nor links.
@@ -123,7 +98,9 @@ fn a_box_without_a_lid_loses_what_paths_say() {
     for reflectance in [0.0, 0.7] {
         let scene = scene(open_box(reflectance));
         let energy = energy(&solved(&scene, &asked(0.03)));
-        let (expected, deviation) = traced_escape(&scene, 100_000);
+        let ends = path_ends(&scene, PATHS);
+        let expected = ends.iter().filter(|end| end.is_none()).count() as f64 / PATHS as f64;
+        let deviation = (expected * (1.0 - expected) / PATHS as f64).sqrt();
         let noise = 4.0 * energy.standard_error.hypot(deviation);
         let (escaped, to_backs) = lost(&energy);
         // What is reflected is off by what was asked for, at most.
@@ -131,6 +108,18 @@ fn a_box_without_a_lid_loses_what_paths_say() {
         assert_eq!(to_backs, 0.0);
         assert!(energy.imbalance.abs() < 0.01 + 4.0 * energy.standard_error, "{energy:?}");
     }
+}
+
+/// A known gap, asserted to persist: where faces lie on each other and face the same way, all of them receive light and throw
+/// it, so that it is there twice. The balance tells. The rug and the overlap of the wall's pieces are 5 % of all surfaces, in
+/// the brightest places.
+#[test]
+fn faces_in_one_place_count_twice() {
+    let solution = solved(&shipped("leaks/coplanar"), &asked(0.1));
+    let energy = energy(&solution);
+    // Measured 0.194; 0.202 when asked for 0.03.
+    assert!((0.15..0.25).contains(&energy.imbalance), "{energy:?}");
+    assert_eq!(lost(&energy), (0.0, 0.0));
 }
 
 /// Catches links that count light twice or not at all: what all links of a leaf account for is all of a closed room, and as
