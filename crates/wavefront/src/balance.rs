@@ -2,10 +2,10 @@
 //! which know nothing of links, and how much of its surroundings the links of each leaf account for.
 
 use crate::geometry::{End, NONE};
-use crate::light::Light;
 use crate::outcome::{Outcome, irradiance_in};
 use crate::rays::even_point_of;
 use crate::solve::Solved;
+use crate::spread::arriving;
 use isolux_core::sampling::{Stream, mix};
 use isolux_core::solution::{Balance, RowSums};
 use isolux_core::tree::ElementId;
@@ -117,7 +117,9 @@ impl Solved {
         let leaf = leaving.at((ray as f64 + stream.next_unit()) / RAYS as f64);
         let element = &self.transport.elements[leaf.index()];
         let normal = geometry.surfaces[element.polygon as usize].normal;
-        for attempt in 1.. {
+        let mut attempt = 0;
+        loop {
+            attempt += 1;
             let jitter = [stream.next_unit() as f32, stream.next_unit() as f32];
             let point = even_point_of(element, jitter);
             let direction = stream.cosine_direction(normal.as_dvec3()).as_vec3();
@@ -139,7 +141,6 @@ impl Solved {
             let mean = outcome.light.radiosity(leaf).mean();
             return Some(is_lost(radiosity * (leaving.total / RAYS as f64 / mean)));
         }
-        None
     }
 
     /// Sums of form factor times visibility over the links of a leaf and of all above it: what it would receive if every
@@ -147,17 +148,14 @@ impl Solved {
     /// polygons; `None` where there is none.
     #[must_use]
     pub fn row_sums(&self, active: &[bool]) -> Option<RowSums> {
-        let evaluator = self.transport.evaluator();
-        let mut unit = Light::even([0.0; 3], evaluator.geometry, evaluator.clusters, evaluator.elements);
-        unit.radiosity.fill([1.0; 3]);
-        unit.pull_clusters(evaluator.geometry, evaluator.clusters, evaluator.elements);
-        unit.pass(&self.transport.links, &evaluator);
+        let elements = &self.transport.elements;
+        let sums = arriving(&vec![[1.0; 3]; elements.len()], &self.transport);
         let (mut found, mut open) = (None::<RowSums>, 0.0);
-        let leaves = evaluator.elements.iter().enumerate().filter(|(_, element)| {
+        let leaves = elements.iter().enumerate().filter(|(_, element)| {
             element.first_child == NONE && element.open != 0 && active[element.polygon as usize]
         });
         for (index, element) in leaves {
-            let (id, sum) = (ElementId(index as u32), f64::from(unit.irradiance[index][0]));
+            let (id, sum) = (ElementId(index as u32), f64::from(sums[index][0]));
             let area = f64::from(element.area * element.open_share());
             let record = found.get_or_insert(RowSums { largest: (sum, id), smallest: (sum, id), mean: 0.0 });
             if sum > record.largest.0 {

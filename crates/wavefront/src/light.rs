@@ -326,11 +326,6 @@ impl Light {
         for index in (0..elements.len()).rev().filter(|&index| elements[index].first_child != NONE) {
             self.pull_parent(index, elements);
         }
-        self.pull_clusters(geometry, clusters, elements);
-    }
-
-    /// Intensities and means of clusters from the polygons' radiosities and irradiances.
-    pub(crate) fn pull_clusters(&mut self, geometry: &Geometry, clusters: &Clusters, elements: &[Element]) {
         let roots: Vec<(f32, Bands, Bands, [f32; 9])> = (0..geometry.surfaces.len())
             .into_par_iter()
             .with_min_len(1024)
