@@ -129,7 +129,10 @@ class Energy:
 
 @dataclasses.dataclass(frozen=True)
 class RowSum:
-    """Sums of form factor times visibility over the links of a leaf and its ancestors, 1 where closed."""
+    """Sums of form factor times visibility over the links of a leaf and its ancestors, 1 where closed.
+
+    With ``"wavefront"`` a cluster counts as what it would throw if all its surfaces threw 1.
+    """
 
     largest: float
     largest_object: str
@@ -287,9 +290,9 @@ class Report:
     iterations: tuple[IterationReport, ...]
     #: ``"wavefront"``.
     stages: tuple[StageReport, ...]
-    #: ``"sequential"``; None for a cancelled solve.
+    #: None for a cancelled solve, for a solution that was relit, and in older files.
     energy: Energy | None
-    #: ``"sequential"``; None for a cancelled solve.
+    #: None for a cancelled solve, and in older files.
     row_sum: RowSum | None
     phases: tuple[PhaseReport, ...]
     #: Peak memory of the process, bytes; 0 where the system does not tell.

@@ -133,6 +133,8 @@ def test_report_says_what_was_asked(lit):
     assert report.version == isolux.__version__
     assert report.energy is not None
     assert abs(report.energy.imbalance) < 0.3
+    assert lit.report.energy is not None
+    assert lit.report.row_sum is not None
     assert sum(report.elements_by_level) == report.elements
     assert report.seconds > 0.0
     assert lit.matches(lamp())

@@ -136,6 +136,7 @@ fn relit(old: &Solution, changes: &Changes) -> Result<Solution, RelightError> {
         scene_hash: scene.hash_text(),
         mean_irradiance: mean,
         error_estimate,
+        energy: old.report.energy.filter(|_| is_as_solved),
         relit: (!is_as_solved).then_some(origin),
         phases: vec![PhaseReport { name: "relight".into(), seconds: start.elapsed().as_secs_f64() }],
         ..old.report.clone()

@@ -3,7 +3,9 @@
 use crate::groups::{GroupedBy, LightGroup};
 use crate::{Schedule, Settings};
 use isolux_core::kernels::Counts;
-use isolux_core::scene::Issue;
+use isolux_core::scene::{Issue, Scene};
+use isolux_core::solution::{Balance, RowSums};
+use isolux_core::tree::{ElementId, Elements};
 use isolux_core::units::{Rgb, Unit};
 use serde::{Deserialize, Serialize};
 
@@ -148,7 +150,22 @@ pub struct Energy {
     pub rays: u64,
 }
 
-/// Sums of form factor times visibility over the links of a leaf and its ancestors: 1 in a closed scene.
+impl Energy {
+    pub(crate) fn of(balance: &Balance) -> Energy {
+        Energy {
+            emitted: balance.emitted,
+            absorbed: balance.absorbed,
+            escaped: balance.escaped,
+            lost_to_backs: balance.lost_to_backs,
+            imbalance: balance.imbalance(),
+            standard_error: balance.standard_error / balance.emitted.mean(),
+            rays: balance.rays,
+        }
+    }
+}
+
+/// Sums of form factor times visibility over the links of a leaf and its ancestors: 1 in a closed scene. With `wavefront` a
+/// cluster counts as what it would throw if all its surfaces threw 1.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct RowSum {
     /// The largest.
@@ -161,6 +178,19 @@ pub struct RowSum {
     pub smallest_object: String,
     /// Area-weighted mean over leaves.
     pub mean: f64,
+}
+
+impl RowSum {
+    pub(crate) fn of(sums: &RowSums, scene: &Scene, elements: &Elements) -> RowSum {
+        let name = |leaf: ElementId| scene.object_name(elements.get(leaf).polygon).to_owned();
+        RowSum {
+            largest: sums.largest.0,
+            largest_object: name(sums.largest.1),
+            smallest: sums.smallest.0,
+            smallest_object: name(sums.smallest.1),
+            mean: sums.mean,
+        }
+    }
 }
 
 /// Time of one phase.
@@ -225,9 +255,9 @@ pub struct Report {
     pub iterations: Vec<IterationReport>,
     /// Each stage (`wavefront`).
     pub stages: Vec<StageReport>,
-    /// Energy balance (`sequential`); none for a cancelled solve.
+    /// Energy balance; none for a cancelled solve, and for a solution that was relit.
     pub energy: Option<Energy>,
-    /// Row sums (`sequential`); none for a cancelled solve.
+    /// Row sums; none for a cancelled solve.
     pub row_sum: Option<RowSum>,
     /// Seconds per phase.
     pub phases: Vec<PhaseReport>,

@@ -13,7 +13,7 @@ use isolux_core::solution::{
     Flow, Interpolation, Observer, Parameters, Phase, Progress, Roots, Solver, Stop, Watch, balance, pilot_irradiance,
     row_sums,
 };
-use isolux_core::tree::{Bsp, ElementId};
+use isolux_core::tree::Bsp;
 use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
@@ -178,15 +178,7 @@ pub(crate) fn solve(
         fragments: Some(bsp.fragments().len() as u64),
         counts: Some(counts),
         iterations,
-        energy: measured.map(|balance| Energy {
-            emitted: balance.emitted,
-            absorbed: balance.absorbed,
-            escaped: balance.escaped,
-            lost_to_backs: balance.lost_to_backs,
-            imbalance: balance.imbalance(),
-            standard_error: balance.standard_error / balance.emitted.mean(),
-            rays: balance.rays,
-        }),
+        energy: measured.as_ref().map(Energy::of),
         ..report(&scene, settings, status, &hierarchy.elements, &hierarchy.light, &active)
     };
     summarise(&scene, &hierarchy, &active, &mut report);
@@ -216,13 +208,6 @@ fn summarise(scene: &Scene, hierarchy: &Hierarchy, active: &[bool], report: &mut
             _ => report.links.none += 1,
         }
     }
-    let name = |leaf: ElementId| scene.object_name(elements.get(leaf).polygon).to_owned();
     let sums = if report.status == Status::Cancelled { None } else { row_sums(hierarchy, active) };
-    report.row_sum = sums.map(|sums| RowSum {
-        largest: sums.largest.0,
-        largest_object: name(sums.largest.1),
-        smallest: sums.smallest.0,
-        smallest_object: name(sums.smallest.1),
-        mean: sums.mean,
-    });
+    report.row_sum = sums.map(|sums| RowSum::of(&sums, scene, elements));
 }

@@ -3,9 +3,9 @@
 
 use crate::groups::{LightGroups, light_groups};
 use crate::relight;
-use crate::report::{ErrorEstimate, GroupsReport, LinkReport, PhaseReport, StageReport};
+use crate::report::{ErrorEstimate, GroupsReport, LinkReport, PhaseReport, RowSum, StageReport};
 use crate::solve::report;
-use crate::{Report, Settings, SettingsError, Solution, SolveError, Status};
+use crate::{Energy, Report, Settings, SettingsError, Solution, SolveError, Status};
 use isolux_core::links::{Hierarchy, Links};
 use isolux_core::scene::Scene;
 use isolux_core::solution::{Flow, Light, Observer, Phase, Progress, Update};
@@ -62,11 +62,17 @@ pub struct Columns {
 /// What comes back from the engine's threads.
 struct Finished {
     outcome: Outcome,
+    /// Polygons that take part.
+    active: Vec<bool>,
     columns: Option<Columns>,
-    groups: GroupsReport,
+    groups: Option<GroupsReport>,
     stages: Vec<Stage>,
     estimate: Option<Estimate>,
-    bound: Option<Bound>,
+    energy: Option<Energy>,
+    row_sum: Option<RowSum>,
+    status: Status,
+    /// The bound that stopped it, by the name of its setting.
+    bound: Option<&'static str>,
     phases: Vec<PhaseReport>,
 }
 
@@ -87,46 +93,27 @@ pub(crate) fn solve(
         time: settings.time,
         ideas: Ideas::default(),
     };
-    let finished = run(&scene, settings.threads, request, observer)?;
+    let finished = run(&scene, settings.threads, request, observer)?.unwrap_or_else(|| bare(&scene));
     let start = Instant::now();
-    let mut status = Status::Cancelled;
-    let mut named = None;
-    let (mut columns, mut groups) = (None, None);
-    let (outcome, stages, mut estimate, mut phases) = match finished {
-        Some(Finished { outcome, columns: found, groups: told, stages, estimate, bound, phases }) => {
-            (columns, groups) = (found, Some(told));
-            status = status_of(bound);
-            named = bound.and_then(setting_of);
-            (outcome, stages, estimate, phases)
-        }
-        None => (bare(&scene), Vec::new(), None, Vec::new()),
-    };
+    let Finished { outcome, active, columns, groups, stages, estimate, energy, row_sum, mut status, bound, mut phases } =
+        finished;
     let done = Progress { done: 1.0, links: outcome.links.receiver.len(), ..Progress::of(Phase::Iteration) };
     if status != Status::Cancelled && observer.observe(&done) == Flow::Stop {
         status = Status::Cancelled;
     }
-    let Outcome { elements, mut light, mut fields, links, clusters, limit } = outcome;
-    if let (Some(columns), Some(groups)) = (&columns, &mut groups) {
-        let whole = vec![[1.0; 3]; columns.names.len()];
-        let sum = relight::mixed(&columns.fields, &whole);
-        groups.apart = apart(&elements, &light, &fields, &sum);
-        relight::place(&elements, sum, &mut fields);
-        light = light_of(&scene, &elements, &fields, light.open_shares().to_vec());
-        estimate = estimate.map(|found| further(found, groups.apart, stages.last()));
-    }
+    let is_whole = status != Status::Cancelled;
+    let Outcome { elements, light, fields, links, clusters, limit } = outcome;
     let (links, clusters) = (Arc::new(in_order(links)), Arc::new(clusters));
     let transport = Transported { fields, links, clusters, limit, columns: columns.map(Arc::new) };
-    let mut active = vec![true; scene.polygons.len()];
-    for (back, active) in active.iter_mut().enumerate().skip(scene.fronts) {
-        *active = light.irradiance(ElementId(back as u32)) != Rgb::ZERO;
-    }
     let mut report = Report {
         area_epsilon: settings.least_area() * scene.area(),
         error_estimate: estimate.map(|estimate| ErrorEstimate { total: estimate.total, dark: Some(estimate.dark) }),
-        bound: named.map(str::to_owned),
+        bound: bound.map(str::to_owned),
         clusters: transport.clusters.parent.len() as u64,
         links: by_visibility(&transport.links),
         groups,
+        energy: energy.filter(|_| is_whole),
+        row_sum: row_sum.filter(|_| is_whole),
         stages: stages
             .iter()
             .map(|stage| StageReport {
@@ -216,14 +203,30 @@ fn work(scene: &Arc<Scene>, request: &Request, control: &Control) -> Finished {
     let tree = begun.elapsed().as_secs_f64();
     let solved = prepared.solve(request, control);
     let start = Instant::now();
-    let outcome = solved.outcome(scene);
+    let mut outcome = solved.outcome(scene);
     let numbered = start.elapsed().as_secs_f64();
     let start = Instant::now();
     let deadline = request.time.map(|seconds| begun + Duration::from_secs_f64(seconds));
     let room = Room { memory: Some(request.memory.unwrap_or(MEMORY)), deadline };
-    let (columns, groups) = by_groups(scene, &solved, request.error, room, control);
+    let (columns, mut groups) = by_groups(scene, &solved, request.error, room, control);
+    let mut estimate = solved.estimate;
+    if let Some(columns) = &columns {
+        groups.apart = add_up(scene, columns, &mut outcome);
+        estimate = estimate.map(|found| further(found, groups.apart, solved.stages.last()));
+    }
     let grouped = start.elapsed().as_secs_f64();
-    let (stages, estimate, bound) = (solved.stages, solved.estimate, solved.bound);
+    let start = Instant::now();
+    let takes_part =
+        |polygon: usize| polygon < scene.fronts || outcome.light.irradiance(ElementId(polygon as u32)) != Rgb::ZERO;
+    let active: Vec<bool> = (0..scene.polygons.len()).map(takes_part).collect();
+    let status = status_of(solved.bound);
+    let (mut energy, mut row_sum) = (None, None);
+    if status != Status::Cancelled {
+        energy = Some(Energy::of(&solved.balance(&outcome, &active)));
+        row_sum = solved.row_sums(&active).map(|sums| RowSum::of(&sums, scene, &outcome.elements));
+    }
+    let balanced = start.elapsed().as_secs_f64();
+    let stages = solved.stages;
     let sum = |part: usize| stages.iter().map(|stage| stage.seconds[part]).sum::<f64>();
     let phases = [
         ("tree", tree),
@@ -232,9 +235,23 @@ fn work(scene: &Arc<Scene>, request: &Request, control: &Control) -> Finished {
         ("check", sum(2)),
         ("columns", numbered),
         ("groups", grouped),
+        ("balance", balanced),
     ];
     let phases = phases.map(|(name, seconds)| PhaseReport { name: name.to_owned(), seconds }).to_vec();
-    Finished { outcome, columns, groups, stages, estimate, bound, phases }
+    let bound = solved.bound.and_then(setting_of);
+    let groups = Some(groups);
+    Finished { outcome, active, columns, groups, stages, estimate, energy, row_sum, status, bound, phases }
+}
+
+/// Makes the light the sum of its groups; returns how far that is from what it was, see [`apart`].
+fn add_up(scene: &Scene, columns: &Columns, outcome: &mut Outcome) -> f64 {
+    let whole = vec![[1.0; 3]; columns.names.len()];
+    let sum = relight::mixed(&columns.fields, &whole);
+    let Outcome { elements, light, fields, .. } = outcome;
+    let apart = apart(elements, light, fields, &sum);
+    relight::place(elements, sum, fields);
+    *light = light_of(scene, elements, fields, light.open_shares().to_vec());
+    apart
 }
 
 /// The light by groups, where there are several, and what is to be told of them.
@@ -317,19 +334,32 @@ fn setting_of(bound: Bound) -> Option<&'static str> {
     }
 }
 
-/// The scene's polygons with no light but their own.
-fn bare(scene: &Scene) -> Outcome {
+/// What there is of a solve that was cancelled before it began: the scene's polygons with no light but their own.
+fn bare(scene: &Scene) -> Finished {
     let planes = scene.polygons.iter().map(|polygon| polygon.plane).collect();
     let roots = scene.polygons.iter().enumerate().map(|(index, polygon)| (polygon.corners, index as u32));
     let count = scene.polygons.len();
     let elements = Elements::new(roots, planes);
-    Outcome {
+    let outcome = Outcome {
         light: Light::emitted(scene, &elements, vec![1.0; count], Update::InPlace),
         elements,
         fields: vec![[[0.0; 3]; 5]; count],
         links: LinkColumns::default(),
         clusters: ClusterColumns::default(),
         limit: 0.0,
+    };
+    Finished {
+        outcome,
+        active: (0..count).map(|polygon| polygon < scene.fronts).collect(),
+        columns: None,
+        groups: None,
+        stages: Vec::new(),
+        estimate: None,
+        energy: None,
+        row_sum: None,
+        status: Status::Cancelled,
+        bound: None,
+        phases: Vec::new(),
     }
 }
 

@@ -82,7 +82,7 @@ fn the_report_has_what_the_schedule_has() {
     let report = solution.report();
     assert_eq!((report.schedule, report.settings.schedule), (Schedule::Wavefront, Schedule::Wavefront));
     assert_eq!((report.bf_epsilon, report.energy_epsilon, report.fragments), (None, None, None));
-    assert_eq!((&report.counts, &report.energy, &report.row_sum), (&None, &None, &None));
+    assert!(report.counts.is_none() && report.energy.is_some() && report.row_sum.is_some());
     assert!(report.iterations.is_empty() && report.bound.is_none());
     let transport = solution.transport().unwrap();
     assert_eq!(report.clusters, transport.clusters.parent.len() as u64);
@@ -205,6 +205,7 @@ fn cancelled_solves_are_sound_and_reopen() {
     for phase in [Phase::Tree, Phase::Iteration] {
         let solution = solve(shipped("cornell"), &asked(0.05), &mut StopAt(phase)).unwrap();
         assert_eq!(solution.report().status, Status::Cancelled);
+        assert_eq!((&solution.report().energy, &solution.report().row_sum), (&None, &None));
         solution.check().unwrap();
         let back = Solution::from_record(solution.to_record()).unwrap();
         for solution in [&solution, &back] {
@@ -213,26 +214,5 @@ fn cancelled_solves_are_sound_and_reopen() {
             assert!(brightest > 0.0);
         }
         assert_eq!(back.report(), solution.report());
-    }
-}
-
-/// Catches light that is lost or made: in closed rooms what surfaces keep is what lamps give, to one per cent.
-#[test]
-fn energy_closes() {
-    for name in ["furnace", "two_rooms", "corridor", "lamps"] {
-        let solution = solved(&shipped(name), &asked(0.03));
-        let (scene, elements, light) = (solution.scene(), &solution.hierarchy().elements, &solution.hierarchy().light);
-        let kept: f64 = elements
-            .leaves()
-            .map(|leaf| {
-                let element = elements.get(leaf);
-                let reflectance = scene.polygons[element.polygon as usize].reflectance;
-                let open = element.area * light.open_share(leaf);
-                (light.irradiance(leaf).mean() - (reflectance * light.irradiance(leaf)).mean()) * open
-            })
-            .sum();
-        let given = scene.emitted_power().mean();
-        // Measured 0.0036, 0.0007, -0.0093, -0.0024.
-        assert!((kept / given - 1.0).abs() < 0.01, "{name}: {}", kept / given - 1.0);
     }
 }

@@ -210,6 +210,16 @@ impl Filter for Geometry {
     }
 }
 
+/// What a ray ends on.
+pub(crate) enum End {
+    /// A side that surfaces have, and where.
+    Side(u32, Vec3),
+    /// A back that is black.
+    Back,
+    /// Nothing: it leaves the scene.
+    Nowhere,
+}
+
 /// Most surfaces that let light pass which one ray goes through.
 const MOST_PASSED: u32 = 64;
 
@@ -227,10 +237,19 @@ impl Geometry {
     /// The lit side that a ray from a surface sees, and where; chance decides at surfaces that let light pass. Nothing for
     /// black backs, and where the ray leaves the scene.
     pub(crate) fn look(&self, from: Vec3, normal: Vec3, direction: Vec3, stream: &mut Stream) -> Option<(u32, Vec3)> {
+        match self.end(from, normal, direction, stream) {
+            End::Side(side, place) => Some((side, place)),
+            End::Back | End::Nowhere => None,
+        }
+    }
+
+    /// What a ray from a surface ends on; chance decides at surfaces that let light pass.
+    pub(crate) fn end(&self, from: Vec3, normal: Vec3, direction: Vec3, stream: &mut Stream) -> End {
         let mut near = self.tolerance / normal.dot(direction).max(1e-6);
         let far = 4.0 * self.scene.diameter as f32;
         for _ in 0..MOST_PASSED {
-            let hit = self.bvh.closest(self.backend, from.to_array(), direction.to_array(), near, far)?;
+            let hit = self.bvh.closest(self.backend, from.to_array(), direction.to_array(), near, far);
+            let Some(hit) = hit else { return End::Nowhere };
             let polygon = self.polygon_of[hit.primitive as usize];
             let front = &self.scene.polygons[polygon as usize];
             let stops = front.mask.is_none() && front.opacity >= 1.0
@@ -238,11 +257,11 @@ impl Geometry {
             if stops {
                 let faces = self.surfaces[polygon as usize].normal.dot(direction) < 0.0;
                 let side = if faces { Some(polygon) } else { front.twin };
-                return side.map(|side| (side, from + direction * hit.t));
+                return side.map_or(End::Back, |side| End::Side(side, from + direction * hit.t));
             }
             near = hit.t + 2.0 * self.tolerance;
         }
-        None
+        End::Nowhere
     }
 
     /// 1 where light gets from one point to another, 0 where it does not; chance decides at surfaces that let some pass.

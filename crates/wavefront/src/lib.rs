@@ -7,7 +7,8 @@
 //!    gathers over them until light settles, gathers once more at the leaves' own points, and asks independent rays how
 //!    wrong that is. The first stage is coarse; each later one lets links leave less, until the asked error is reached.
 //! 3. [`Solved::columns`]: the same light by groups of emitters; [`Solved::outcome`]: everything by number, from which
-//!    [`Solved::regathered`] gathers anew when surfaces change.
+//!    [`Solved::regathered`] gathers anew when surfaces change; [`Solved::balance`], [`Solved::row_sums`]: where the
+//!    light went, and what the links account for.
 //!
 //! Every parallel loop writes its results in the order of its inputs and every sum has a fixed order, so that results are
 //! the same bits with any number of threads. Random choices are drawn from names of places, never from a clock or an order
@@ -17,6 +18,7 @@
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod backs;
+mod balance;
 mod check;
 mod clusters;
 mod contacts;

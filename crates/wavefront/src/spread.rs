@@ -25,42 +25,16 @@ const ENOUGH: f64 = 0.02;
 pub(crate) fn spread(lacking: &[Bands], light: &Light, transport: &Transport) -> Vec<Bands> {
     let evaluator = transport.evaluator();
     let Evaluator { elements, order, .. } = evaluator;
-    let rows: Vec<&[Link]> = transport.links.chunk_by(|a, b| a.receiver == b.receiver).collect();
-    let clusters = evaluator.clusters.nodes.len();
-    let mut intensity: Vec<Directional> = vec![[[0.0; 3]; 9]; clusters];
+    let rows = rows(transport);
     let mut thrown = vec![[0.0; 3]; elements.len()];
     let mut error = lacking.to_vec();
-    let (mut unused, mut ignored) = (vec![0.0; clusters], vec![0.0; clusters]);
     let mut before = 0.0;
     for pass in 0..=MOST_PASSES {
-        let mut arriving: Vec<Directional> = vec![[[0.0; 3]; 9]; clusters];
         if pass > 0 {
             error.par_iter_mut().zip(lacking).with_min_len(1024).for_each(|(error, &lacking)| *error = lacking);
-            let gathered: Vec<(u32, Directional)> = rows
-                .par_iter()
-                .with_min_len(64)
-                .map(|row| (row[0].receiver, gather(row, &thrown, &intensity, &evaluator)))
-                .collect();
-            for (receiver, values) in gathered {
-                if receiver & CLUSTER != 0 {
-                    arriving[(receiver & !CLUSTER) as usize] = values;
-                } else {
-                    (0..3).for_each(|band| error[receiver as usize][band] += values[0][band]);
-                }
-            }
-            send_down(&mut arriving, &mut error, &evaluator);
+            receive(&mut error, &rows, &thrown, &evaluator);
         }
-        let hand_down = |view: &mut View<&mut [Bands]>, index: usize| {
-            let (values, own) = view.of(index);
-            let above = values[own];
-            let (values, first) = view.of(elements[index].first_child as usize);
-            for child in &mut values[first..first + 4] {
-                (0..3).for_each(|band| child[band] += above[band]);
-            }
-        };
-        let (mut view, above) = order.above(&mut error[..]);
-        above.for_each(|index| hand_down(&mut view, index));
-        order.down(elements, &mut error[..], hand_down);
+        push(&mut error, &evaluator);
         let squares: Vec<f64> = (thrown.par_chunks_mut(CHUNK))
             .zip(error.par_chunks(CHUNK))
             .zip(elements.par_chunks(CHUNK))
@@ -95,21 +69,79 @@ pub(crate) fn spread(lacking: &[Bands], light: &Light, transport: &Transport) ->
             break;
         }
         before = size;
-        let roots: Vec<(f32, Bands, Bands, [f32; 9])> = (0..evaluator.geometry.surfaces.len())
-            .into_par_iter()
-            .with_min_len(1024)
-            .map(|polygon| {
-                let cosine = clamped_cosine(evaluator.geometry.surfaces[polygon].normal.to_array());
-                (elements[polygon].area, thrown[polygon], [0.0; 3], cosine)
-            })
-            .collect();
-        ClusterSums { intensity: &mut intensity, radiosity: &mut unused, irradiance: &mut ignored }.pull(
-            0,
-            evaluator.clusters,
-            &roots,
-        );
     }
     error
+}
+
+/// What arrives at every element, on average over it and over all links of its own and of those above, if elements throw
+/// `thrown`.
+pub(crate) fn arriving(thrown: &[Bands], transport: &Transport) -> Vec<Bands> {
+    let evaluator = transport.evaluator();
+    let mut arriving = vec![[0.0; 3]; thrown.len()];
+    receive(&mut arriving, &rows(transport), thrown, &evaluator);
+    push(&mut arriving, &evaluator);
+    arriving
+}
+
+/// Links by receiver.
+fn rows(transport: &Transport) -> Vec<&[Link]> {
+    transport.links.chunk_by(|a, b| a.receiver == b.receiver).collect()
+}
+
+/// Adds what comes over the links of elements, and to polygons over those of clusters.
+fn receive(sums: &mut [Bands], rows: &[&[Link]], thrown: &[Bands], evaluator: &Evaluator<'_>) {
+    let intensity = intensities(thrown, evaluator);
+    let gathered: Vec<(u32, Directional)> = rows
+        .par_iter()
+        .with_min_len(64)
+        .map(|row| (row[0].receiver, gather(row, thrown, &intensity, evaluator)))
+        .collect();
+    let mut arriving: Vec<Directional> = vec![[[0.0; 3]; 9]; intensity.len()];
+    for (receiver, values) in gathered {
+        if receiver & CLUSTER != 0 {
+            arriving[(receiver & !CLUSTER) as usize] = values;
+        } else {
+            (0..3).for_each(|band| sums[receiver as usize][band] += values[0][band]);
+        }
+    }
+    send_down(&mut arriving, sums, evaluator);
+}
+
+/// Adds to all parts of elements what these have.
+fn push(sums: &mut [Bands], evaluator: &Evaluator<'_>) {
+    let Evaluator { elements, order, .. } = *evaluator;
+    let hand_down = |view: &mut View<&mut [Bands]>, index: usize| {
+        let (values, own) = view.of(index);
+        let above = values[own];
+        let (values, first) = view.of(elements[index].first_child as usize);
+        for child in &mut values[first..first + 4] {
+            (0..3).for_each(|band| child[band] += above[band]);
+        }
+    };
+    let (mut view, above) = order.above(&mut *sums);
+    above.for_each(|index| hand_down(&mut view, index));
+    order.down(elements, sums, hand_down);
+}
+
+/// What clusters throw, by direction.
+fn intensities(thrown: &[Bands], evaluator: &Evaluator<'_>) -> Vec<Directional> {
+    let roots: Vec<(f32, Bands, Bands, [f32; 9])> = (0..evaluator.geometry.surfaces.len())
+        .into_par_iter()
+        .with_min_len(1024)
+        .map(|polygon| {
+            let cosine = clamped_cosine(evaluator.geometry.surfaces[polygon].normal.to_array());
+            (evaluator.elements[polygon].area, thrown[polygon], [0.0; 3], cosine)
+        })
+        .collect();
+    let clusters = evaluator.clusters.nodes.len();
+    let mut intensity: Vec<Directional> = vec![[[0.0; 3]; 9]; clusters];
+    let (mut unused, mut ignored) = (vec![0.0; clusters], vec![0.0; clusters]);
+    ClusterSums { intensity: &mut intensity, radiosity: &mut unused, irradiance: &mut ignored }.pull(
+        0,
+        evaluator.clusters,
+        &roots,
+    );
+    intensity
 }
 
 /// What arrives over the links of one receiver, mean over it: an element's comes first.

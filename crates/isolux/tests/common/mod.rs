@@ -6,10 +6,11 @@
 pub mod inputs;
 
 use inputs::{Make, empty, grey, v};
+use isolux::core::DVec3;
 use isolux::core::sampling::Stream;
 use isolux::core::scene::{BuildOptions, Scene, SceneInput};
 use isolux::core::solution::Unobserved;
-use isolux::{Schedule, Settings, Solution, solve};
+use isolux::{Schedule, Settings, Solution, Tracer, solve};
 use std::sync::Arc;
 
 /// A shipped scene as read.
@@ -96,4 +97,28 @@ pub fn lit_box(reflectance: f64) -> SceneInput {
     let (low, high, y) = (0.5, 1.0, 0.9);
     input.face(lamp, glow, &[v(low, y, low), v(high, y, low), v(high, y, high), v(low, y, high)]);
     input
+}
+
+/// Where so many paths of green light from the one lamp of a scene end: where they are absorbed, or nowhere, outside. Paths
+/// know neither elements nor links.
+pub fn path_ends(scene: &Arc<Scene>, paths: usize) -> Vec<Option<DVec3>> {
+    let tracer = Tracer::new(scene.clone());
+    let mut lamps = scene.polygons.iter().filter(|polygon| polygon.emission[1] > 0.0);
+    let lamp = lamps.next().unwrap();
+    assert!(lamps.next().is_none(), "one lamp");
+    let mut stream = Stream::new(7);
+    let mut path = || {
+        let mut at = stream.point(&lamp.corners, &lamp.plane);
+        let mut direction = stream.cosine_direction(lamp.plane.normal);
+        loop {
+            let meeting = tracer.closest(at, direction, f64::INFINITY)?;
+            let polygon = &scene.polygons[meeting.polygon as usize];
+            at += direction * meeting.distance;
+            if !meeting.front_facing || stream.next_unit() >= polygon.reflectance[1] {
+                return Some(at);
+            }
+            direction = stream.cosine_direction(polygon.plane.normal);
+        }
+    };
+    (0..paths).map(|_| path()).collect()
 }
