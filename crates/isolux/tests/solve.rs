@@ -303,7 +303,8 @@ fn the_order_of_polygons_does_not_matter() {
             at.iter().zip(&there).all(|(p, q)| { one.scene().position(p.0, p.1) == two.scene().position(q.0, q.1) })
         );
         let off = difference(&irradiances(&one, &at), &irradiances(&two, &there));
-        let most = if settings.schedule == Schedule::Sequential { 0.25 * 0.2 } else { 0.06 };
+        // One that ends a stage earlier than the other differs by as much as both may be wrong.
+        let most = if settings.schedule == Schedule::Sequential { 0.25 * 0.2 } else { 0.2 };
         assert!(off < most, "{name}: {off}");
     }
 }

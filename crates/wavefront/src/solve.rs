@@ -101,7 +101,7 @@ const MOST_STAGES: usize = 40;
 
 /// Shares of the asked error that stopping early may cost: of the gathers over links, and of those at the leaves.
 pub(crate) const PASS_SHARE: f64 = 0.05;
-pub(crate) const SETTLE_SHARE: f64 = 0.2;
+pub(crate) const SETTLE_SHARE: f64 = 0.1;
 
 /// Elements that one task sums up.
 const SUMMED: usize = 4096;
@@ -123,7 +123,7 @@ const MARGIN: f64 = 0.85;
 const FUTILE: f64 = 4.0;
 
 /// Stages one after the other that lower what is claimed by less than a share each, before more are taken to bring nothing.
-const VAIN: u32 = 2;
+const VAIN: u32 = 3;
 const WORTH: f64 = 0.1;
 
 /// By which power of the permitted error of a link the error falls, at least and at most.

@@ -9,7 +9,7 @@ use isolux_wavefront::{Control, Ideas, Outcome, Prepared, Request, Stage};
 use std::sync::{Arc, LazyLock};
 
 /// Ideas that are there for speed alone.
-const ONLY_FASTER: [&str; 3] = ["inherited_proofs", "blocked_proofs", "last_blocker"];
+const ONLY_FASTER: [&str; 2] = ["inherited_proofs", "last_blocker"];
 
 /// A solve of the furnished room.
 struct Solve {
@@ -70,12 +70,20 @@ impl Solve {
         self.outcome.links.proven.iter().filter(|&&proven| proven == 1).count()
     }
 
-    /// Leaves whose fields are not the same all over, where they are not dark.
+    /// Leaves whose fields are not the same all over, but for some roundings.
     fn varying(&self) -> usize {
         let elements = &self.outcome.elements;
         let leaves = (0..self.outcome.fields.len()).filter(|&index| elements.is_leaf(ElementId(index as u32)));
         leaves
-            .filter(|&leaf| self.outcome.fields[leaf].iter().any(|value| *value != self.outcome.fields[leaf][0]))
+            .filter(|&leaf| {
+                let field = self.outcome.fields[leaf].as_flattened();
+                (0..3).any(|band| {
+                    let first = field[band];
+                    (band..field.len())
+                        .step_by(3)
+                        .any(|at| (field[at] - first).abs() > 8.0 * f32::EPSILON * first.abs())
+                })
+            })
             .count()
     }
 
@@ -155,13 +163,11 @@ fn without_proofs_of_blocking_more_links_stay_dark() {
     assert!(more > less, "{more} {less}");
 }
 
-/// Catches a part of a clear pair that is not clear, and a proof that hides light.
+/// Catches a part of a clear pair that is not clear.
 #[test]
-fn proofs_change_no_bit() {
-    for name in ["inherited_proofs", "blocked_proofs"] {
-        assert_eq!(without(name).outcome.links, WHOLE.outcome.links, "{name}");
-        assert_eq!(without(name).outcome.fields, WHOLE.outcome.fields, "{name}");
-    }
+fn inherited_proofs_change_no_bit() {
+    let (with, without) = (&WHOLE.outcome, &without("inherited_proofs").outcome);
+    assert!(without.links == with.links && without.fields == with.fields);
 }
 
 /// Catches a visibility that is taken over from another pair. One ray of many a thousand that runs along a surface and past
@@ -180,7 +186,7 @@ fn the_last_blocker_changes_next_to_no_link() {
 #[test]
 fn all_others_change_the_links_and_keep_the_light() {
     for (name, solve) in WITHOUT.iter().filter(|(name, _)| !ONLY_FASTER.contains(name)) {
-        assert_ne!(solve.outcome.links, WHOLE.outcome.links, "{name}");
+        assert!(solve.outcome.links != WHOLE.outcome.links, "{name}");
         let apart = solve.mean() / WHOLE.mean() - 1.0;
         assert!(apart.abs() < 0.05, "{name}: {apart}");
     }
