@@ -244,8 +244,14 @@ impl Prepared {
             }
             let asked = bound.is_some() || by_links <= SLACK * request.error;
             let mut found = asked.then(|| check(&transport, &light, request.error, request.seed, None));
-            let wanted = MARGIN * request.error;
-            let is_doubted = |found: &Check| found.all.error <= wanted && claim(found, 0.0).total > wanted;
+            let is_doubted = |found: &Check| {
+                let claimed = claim(found, 0.0);
+                let within = |asked: f64, all: f64, dark: f64| {
+                    all <= MARGIN * asked && request.dark.is_none_or(|asked| dark <= MARGIN * asked)
+                };
+                within(request.error, found.all.error, found.dark.error)
+                    && !within(request.error, claimed.total, claimed.dark)
+            };
             if let Some(found) = found.as_mut().filter(|found| is_doubted(found)) {
                 // Once, refinement may be the cheaper way.
                 while doubted && is_doubted(found) && found.points < MOST_POINTS {
