@@ -555,7 +555,8 @@ impl Bvh8 {
     /// Bit k: ray k of `active` is blocked by an opaque primitive.
     ///
     /// `last` is the primitive that blocked the last packet (`u32::MAX`: none); it is tested first, and replaced by one that
-    /// blocks this packet. No answer depends on it.
+    /// blocks this packet. No answer depends on it, but for rays that run past its border by less than what tests allow for
+    /// rounding: it blocks them where it is asked at once, and they may miss its box on the way down.
     #[must_use]
     pub fn blocked(&self, backend: Backend, rays: &Rays<16>, active: u32, last: &mut u32) -> u32 {
         blocked(backend, self, rays, active, last)
