@@ -9,7 +9,7 @@
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use isolux_core::scene::{BuildOptions, Scene};
 use isolux_formats::read::read;
-use isolux_wavefront::{Control, Ideas, Prepared, Request, Stage};
+use isolux_wavefront::{Control, Prepared, Request, Stage};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -19,16 +19,7 @@ fn refinement(criterion: &mut Criterion) {
     let prepared = Prepared::new(Arc::new(Scene::build(input, &BuildOptions::default()).unwrap()));
     let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     let stages = |error: f64| -> Vec<Stage> {
-        let request = Request {
-            error,
-            dark: None,
-            least_area: 1e-8,
-            seed: 0,
-            max_elements: None,
-            memory: None,
-            time: None,
-            ideas: Ideas::default(),
-        };
+        let request = Request::new(error);
         one.install(|| prepared.solve(&request, &Control::default()).stages)
     };
     let mut group = criterion.benchmark_group("room");

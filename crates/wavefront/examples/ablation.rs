@@ -42,16 +42,7 @@ fn all_but(idea: &str) -> Result<Ideas, String> {
 fn solve(scene: &str, error: f64, points: &str, out: &str, ideas: Ideas) -> Result<(), Box<dyn Error>> {
     let scene = Arc::new(Scene::build(read(scene.as_ref(), &ReadOptions::default())?, &BuildOptions::default())?);
     let points = std::fs::read(points)?;
-    let request = Request {
-        error,
-        dark: None,
-        least_area: LEAST_AREA,
-        seed: 0,
-        max_elements: None,
-        memory: None,
-        time: None,
-        ideas,
-    };
+    let request = Request { least_area: LEAST_AREA, ideas, ..Request::new(error) };
     let start = Instant::now();
     let prepared = Prepared::new(scene.clone());
     let solved = prepared.solve(&request, &Control::default());

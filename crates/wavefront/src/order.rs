@@ -116,6 +116,12 @@ impl Order {
             order.above = parents.collect();
             return order;
         }
+        Order::of_arranged(elements, roots)
+    }
+
+    /// Of elements that are known to stand so.
+    pub(crate) fn of_arranged(elements: &[Element], roots: usize) -> Order {
+        let mut order = Order { roots, parts: Vec::new(), above: Vec::new() };
         let below = below(elements, roots);
         let (mut first, mut begin, mut next) = (0, roots, roots);
         for root in 0..roots {

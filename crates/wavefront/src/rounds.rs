@@ -160,7 +160,7 @@ impl Transport {
                 }
             });
         }
-        self.order = Order::new(&self.elements, roots);
+        self.order = Order::of_arranged(&self.elements, roots);
         self.links.par_sort_by_key(|link| (link.receiver & CLUSTER == 0, link.receiver));
     }
 

@@ -36,6 +36,23 @@ pub struct Request {
     pub ideas: Ideas,
 }
 
+impl Request {
+    /// Asks for an error of irradiance, and for nothing else.
+    #[must_use]
+    pub fn new(error: f64) -> Request {
+        Request {
+            error,
+            dark: None,
+            least_area: 1e-8,
+            seed: 0,
+            max_elements: None,
+            memory: None,
+            time: None,
+            ideas: Ideas::default(),
+        }
+    }
+}
+
 /// One stage of a solve.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stage {

@@ -37,16 +37,7 @@ fn without(name: &str) -> &'static Solve {
 
 /// For an error of 20 %: the first at which pairs of elements are refined by all their causes.
 fn solved(ideas: Ideas) -> Solve {
-    let request = Request {
-        error: 0.2,
-        dark: None,
-        least_area: 1e-8,
-        seed: 0,
-        max_elements: None,
-        memory: None,
-        time: None,
-        ideas,
-    };
+    let request = Request { ideas, ..Request::new(0.2) };
     let solved = PREPARED.solve(&request, &Control::default());
     Solve { outcome: solved.outcome(&ROOM), stages: solved.stages }
 }

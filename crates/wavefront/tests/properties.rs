@@ -31,16 +31,7 @@ struct Lit {
 impl Lit {
     fn solved(scene: Scene, ideas: Ideas) -> Lit {
         let scene = Arc::new(scene);
-        let request = Request {
-            error: ERROR,
-            dark: None,
-            least_area: 1e-7,
-            seed: 0,
-            max_elements: None,
-            memory: None,
-            time: None,
-            ideas,
-        };
+        let request = Request { least_area: 1e-7, ideas, ..Request::new(ERROR) };
         let solved = Prepared::new(scene.clone()).solve(&request, &Control::default());
         assert_eq!(solved.bound, None);
         let outcome = solved.outcome(&scene);
