@@ -537,6 +537,7 @@ def start_long_solve(scene_file: Path, target: Path) -> subprocess.Popen[str]:
     raise AssertionError("the solve ended by itself")
 
 
+@pytest.mark.usefixtures("interruptible")
 def test_ctrl_c_keeps_the_partial_solution(scene_file, tmp_path, isolux_command):
     """Catches a lost result, a corrupt one, a traceback, or a wrong exit code after Ctrl-C."""
     target = tmp_path / "partial.isolux"
@@ -553,6 +554,7 @@ def test_ctrl_c_keeps_the_partial_solution(scene_file, tmp_path, isolux_command)
     assert isolux_command("bake", target, "-o", tmp_path / "lit.glb").returncode == 0
 
 
+@pytest.mark.usefixtures("interruptible")
 def test_impatient_ctrl_c_corrupts_nothing(scene_file, tmp_path):
     """Catches a half-written file, or one left over, after a second, third, ... Ctrl-C at any moment."""
     target = tmp_path / "partial.isolux"
@@ -585,6 +587,7 @@ sys.exit(run(sys.argv[2:]))
 """
 
 
+@pytest.mark.usefixtures("interruptible")
 def test_ctrl_c_while_saving(scene_file, tmp_path):
     """Catches a finished result thrown away by one Ctrl-C while it is saved, and saved in spite of two."""
     target = tmp_path / "box.isolux"
@@ -597,6 +600,16 @@ def test_ctrl_c_while_saving(scene_file, tmp_path):
     assert [entry.name for entry in tmp_path.iterdir()] == ["box.isolux"]
     once = in_python(AT_A_MOMENT, 1, *arguments)
     assert once.returncode == 0, once.stderr
+    assert isolux.open(target).report.status == "converged"
+
+
+def test_ctrl_c_stays_ignored_where_it_was(scene_file, tmp_path):
+    """Catches a command in the background (nohup, &) that a Ctrl-C meant for another one ends."""
+    target = tmp_path / "box.isolux"
+    ignoring = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)" + AT_A_MOMENT
+    arguments = ("solve", scene_file, "-o", target, "--error", "0.5", "--progress", "none")
+    done = in_python(ignoring, 2, *arguments)
+    assert done.returncode == 0, done.stderr
     assert isolux.open(target).report.status == "converged"
 
 
@@ -625,6 +638,7 @@ PHASES = {
 }
 
 
+@pytest.mark.usefixtures("interruptible")
 @pytest.mark.parametrize(
     ("schedule", "phase"), [(name, phase) for name, phases in PHASES.items() for phase in phases]
 )
@@ -658,6 +672,7 @@ sys.exit(run(sys.argv[1:]))
 """
 
 
+@pytest.mark.usefixtures("interruptible")
 def test_ctrl_c_ends_a_picture_that_would_take_days(solution_file, tmp_path):
     """Catches a picture that is asked for row by row: a row of this one takes hours."""
     arguments = ("render", solution_file, "-o", tmp_path / "a.png", "--size", "32768x8192", "--samples", "64")

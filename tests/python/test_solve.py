@@ -237,6 +237,7 @@ def test_other_exceptions_of_a_callback_come_through():
         isolux.solve(lamp(), error=0.01, progress=fail)
 
 
+@pytest.mark.usefixtures("interruptible")
 def test_ctrl_c_stops_a_solve_without_callback():
     """Catches a solve that is deaf to signals while Rust works."""
     before = signal.getsignal(signal.SIGALRM)

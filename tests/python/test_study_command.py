@@ -291,6 +291,7 @@ def test_the_other_commands_do_without_matplotlib():
     assert in_python(code).stdout == "False\n"
 
 
+@pytest.mark.usefixtures("interruptible")
 def test_ctrl_c_keeps_what_is_there(study, fake, tmp_path, monkeypatch):
     """Catches lost runs, another exit code, a report of half a study, and a second start from nothing."""
     problem, _ = fake

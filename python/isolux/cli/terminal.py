@@ -86,9 +86,13 @@ class Interrupts:
 
 @contextmanager
 def interrupts() -> Iterator[Interrupts]:
-    """Take Ctrl-C in hand, see `Interrupts`, for as long as a command runs; say so when it ends it."""
+    """Take Ctrl-C in hand, see `Interrupts`, for as long as a command runs; say so when it ends it.
+
+    Where it is ignored, as in what a shell starts in the background, it stays so.
+    """
     hand = Interrupts()
-    if threading.current_thread() is not threading.main_thread():
+    is_main = threading.current_thread() is threading.main_thread()
+    if not is_main or signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
         yield hand
         return
     press = hand._press
