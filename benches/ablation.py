@@ -21,7 +21,6 @@ ratio of measured errors at equal asked errors. at: the errors at which both wer
 
 from __future__ import annotations
 
-import argparse
 import itertools
 import math
 import statistics
@@ -34,10 +33,12 @@ import harness
 import numpy as np
 
 if TYPE_CHECKING:
+    import argparse
     from collections.abc import Sequence
 
 ALL = "nothing"
 ERRORS = (0.2, 0.1, 0.05, 0.03)
+TIMEOUT = 60.0
 PROGRAM = harness.ROOT / "target/release/examples/ablation"
 
 
@@ -143,18 +144,12 @@ def compared(idea: str, rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
 
 def main() -> None:
     """Measure, and print a table for each scene."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = harness.parser(__doc__, TIMEOUT)
     parser.add_argument("--scene", nargs="*", help="without: all that have a reference")
     parser.add_argument("--error", nargs="*", type=float, default=ERRORS)
     parser.add_argument("--without", nargs="*", help="ideas to leave out; without: each")
     parser.add_argument("--runs", type=int, default=3)
-    parser.add_argument("--threads", type=int, default=2)
-    parser.add_argument("--timeout", type=float, default=60.0, help="seconds per solve")
     parser.add_argument("--program", type=Path, default=PROGRAM)
-    parser.add_argument("--csv", type=Path, help="every solve by itself")
-    parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
     if not arguments.program.exists():
         raise SystemExit(f"{arguments.program} is not there: build it first, see --help")

@@ -14,8 +14,6 @@ ours. Needs NumPy; PYTHON needs isolux.
 
 from __future__ import annotations
 
-import argparse
-import sys
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -24,6 +22,7 @@ import harness
 import numpy as np
 
 ERRORS = (0.2, 0.1, 0.05, 0.02, 0.01)
+TIMEOUT = 600.0
 COLUMNS: dict[str, harness.Shown] = {
     "scene": str,
     "asked": harness.share,
@@ -44,23 +43,12 @@ COLUMNS: dict[str, harness.Shown] = {
 }
 
 
-def measure(
-    case: harness.Case,
-    scene: Path,
-    error: float,
-    python: str,
-    threads: int,
-    timeout: float,
-    options: tuple[str, ...] = (),
-) -> dict[str, Any]:
-    """One line of the table; `options` are solve_once.py's."""
+def measure(case: harness.Case, scene: Path, error: float, engine: harness.Engine) -> dict[str, Any]:
+    """One line of the table."""
     row: dict[str, Any] = {"scene": case.name, "asked": error}
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "irradiance.npy"
-        script = Path(__file__).with_name("solve_once.py")
-        run = harness.child(
-            [python, script, scene, str(error), str(threads), case.points, out, *options], timeout, threads
-        )
+        run = engine.solve(scene, error, case.points, out)
         row["seconds"] = run.seconds
         if run.result is None:
             return {**row, "note": run.failure}
@@ -77,31 +65,18 @@ def measure(
 
 def main() -> None:
     """Print a table, line by line."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--scene", nargs="*", help="without: all that have a reference")
+    parser = harness.parser(__doc__, TIMEOUT)
+    harness.add_cases(parser)
     parser.add_argument("--error", nargs="*", type=float, default=ERRORS)
-    parser.add_argument("--schedule", choices=("wavefront", "sequential"), default="wavefront")
-    parser.add_argument("--time", type=float, help="seconds after which a solve ends with what it has")
-    parser.add_argument("--threads", type=int, default=2)
-    parser.add_argument("--python", default=sys.executable, help="the interpreter that has isolux")
-    parser.add_argument("--timeout", type=float, default=600.0, help="seconds per run")
-    parser.add_argument("--yardstick", type=Path, help="a folder with scenes, points and ref")
-    parser.add_argument("--csv", type=Path)
-    parser.add_argument("--json", type=Path)
+    harness.add_engine(parser)
     arguments = parser.parse_args()
-    options = ("--schedule", arguments.schedule)
-    if arguments.time is not None:
-        options += ("--time", str(arguments.time))
+    engine = harness.engine(arguments)
     rows: list[dict[str, Any]] = []
     print(harness.markdown([], COLUMNS))
     for case in harness.chosen(arguments.scene, arguments.yardstick):
         with case.file() as scene:
             for error in sorted(arguments.error, reverse=True):
-                row = measure(
-                    case, scene, error, arguments.python, arguments.threads, arguments.timeout, options
-                )
+                row = measure(case, scene, error, engine)
                 rows.append(row)
                 print(harness.line(row, COLUMNS), flush=True)
     harness.store(rows, arguments.csv, arguments.json)

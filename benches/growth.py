@@ -12,8 +12,6 @@ slope of the least-squares line through log(seconds) over log(triangles). Needs 
 
 from __future__ import annotations
 
-import argparse
-import sys
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -21,6 +19,7 @@ from typing import Any
 import harness
 import numpy as np
 
+TIMEOUT = 600.0
 TRIANGLES = (1_000, 3_000, 10_000, 30_000, 100_000, 300_000, 1_000_000)
 COLUMNS: dict[str, harness.Shown] = {
     "scene": str,
@@ -36,21 +35,12 @@ COLUMNS: dict[str, harness.Shown] = {
 }
 
 
-def measure(
-    name: str,
-    size: int,
-    error: float,
-    python: str,
-    threads: int,
-    timeout: float,
-    options: tuple[str, ...] = (),
-) -> dict[str, Any]:
-    """One line of the table; `options` are solve_once.py's."""
+def measure(name: str, size: int, error: float, engine: harness.Engine) -> dict[str, Any]:
+    """One line of the table."""
     with tempfile.TemporaryDirectory() as folder:
         path = harness.generated(name, Path(folder), size)
         row: dict[str, Any] = {"scene": name, "triangles": len(harness.read_glb(path).triangles)}
-        script = Path(__file__).with_name("solve_once.py")
-        run = harness.child([python, script, path, str(error), str(threads), *options], timeout, threads)
+        run = engine.solve(path, error)
     row["seconds"] = run.seconds
     if run.result is None:
         return {**row, "note": run.failure}
@@ -70,33 +60,20 @@ def exponent(rows: list[dict[str, Any]], cost: str) -> float:
 
 def main() -> None:
     """Print a table, line by line, and an exponent for each scene."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = harness.parser(__doc__, TIMEOUT)
     parser.add_argument("--scene", nargs="*", choices=("objects", "city"), default=("objects", "city"))
     parser.add_argument("--triangles", nargs="*", type=int, default=TRIANGLES)
     parser.add_argument("--error", type=float, default=0.1)
-    parser.add_argument("--schedule", choices=("wavefront", "sequential"), default="wavefront")
-    parser.add_argument("--time", type=float, help="seconds after which a solve ends with what it has")
-    parser.add_argument("--threads", type=int, default=2)
-    parser.add_argument("--timeout", type=float, default=600.0, help="seconds per run")
-    parser.add_argument("--python", default=sys.executable, help="the interpreter that has isolux")
-    parser.add_argument("--csv", type=Path)
-    parser.add_argument("--json", type=Path)
+    harness.add_engine(parser)
     arguments = parser.parse_args()
-    options = ("--schedule", arguments.schedule)
-    if arguments.time is not None:
-        options += ("--time", str(arguments.time))
+    engine = harness.engine(arguments)
     rows: list[dict[str, Any]] = []
     summary = []
     print(harness.markdown([], COLUMNS))
     for name in arguments.scene:
         own: list[dict[str, Any]] = []
         for size in sorted(arguments.triangles):
-            row = measure(
-                name, size, arguments.error, arguments.python, arguments.threads, arguments.timeout, options
-            )
-            own.append(row)
+            own.append(measure(name, size, arguments.error, engine))
             print(harness.line(own[-1], COLUMNS), flush=True)
             if "solve" not in own[-1]:
                 break

@@ -6,6 +6,7 @@ started here so that their cost is that of a whole process. Needs NumPy only.
 
 from __future__ import annotations
 
+import argparse
 import contextlib
 import csv
 import json
@@ -333,6 +334,56 @@ def child(command: Sequence[str | Path], timeout: float, threads: int) -> Run:
         lines = complained.strip().splitlines() or [f"exit code {process.returncode}"]
         return Run(None, seconds, lines[-1])
     return Run(json.loads(told.splitlines()[-1]), seconds)
+
+
+@dataclass(frozen=True)
+class Engine:
+    """How scenes are solved: by which interpreter's isolux, on how many threads, within how many seconds."""
+
+    python: str = sys.executable
+    threads: int = 2
+    timeout: float = 600.0
+    #: Further options of solve_once.py.
+    options: tuple[str, ...] = ()
+
+    def solve(self, scene: Path, error: float, *further: Path) -> Run:
+        """A solve in a process of its own; `further`: solve_once.py's points, and where values there go."""
+        script = Path(__file__).with_name("solve_once.py")
+        asked = [str(error), str(self.threads), *further, *self.options]
+        return child([self.python, script, scene, *asked], self.timeout, self.threads)
+
+
+def parser(description: str | None, timeout: float) -> argparse.ArgumentParser:
+    """Options of all scripts that measure processes; `timeout`: seconds that a run has by default."""
+    made = argparse.ArgumentParser(
+        description=description, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    made.add_argument("--threads", type=int, default=Engine.threads)
+    made.add_argument("--timeout", type=float, default=timeout, help="seconds per run")
+    made.add_argument("--csv", type=Path)
+    made.add_argument("--json", type=Path)
+    return made
+
+
+def add_engine(to: argparse.ArgumentParser) -> None:
+    """Options beside these of scripts that measure solves; `engine` reads them."""
+    to.add_argument("--schedule", choices=("wavefront", "sequential"), default="wavefront")
+    to.add_argument("--time", type=float, help="seconds after which a solve ends with what it has")
+    to.add_argument("--python", default=Engine.python, help="the interpreter that has isolux")
+
+
+def engine(arguments: argparse.Namespace) -> Engine:
+    """What `add_engine` asked for."""
+    options = ("--schedule", arguments.schedule)
+    if arguments.time is not None:
+        options += ("--time", str(arguments.time))
+    return Engine(arguments.python, arguments.threads, arguments.timeout, options)
+
+
+def add_cases(to: argparse.ArgumentParser) -> None:
+    """Options of scripts that measure scenes with references; `chosen` takes them."""
+    to.add_argument("--scene", nargs="*", help="without: all that have a reference")
+    to.add_argument("--yardstick", type=Path, help="a folder with scenes, points and ref")
 
 
 class Shown(Protocol):

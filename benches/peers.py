@@ -9,11 +9,14 @@ points and nowhere else, each level of samples in a process of its own, until th
 is reached; seconds are that whole process's. PYTHON is the interpreter that has the peer; one that is not
 installed is left out, and said so. Mitsuba sees what points reflect: those that reflect less than `LEAST` are
 left out there. Points that something covers do not count, as in accuracy.py. Needs NumPy.
+
+Mitsuba 3.9 finds LLVM by DRJIT_LIBLLVM_PATH, a path of libLLVM.so: 19 works (Debian's libllvm19), but 15
+cannot compile its programs for AVX-512 and aborts. What was compiled stays in ~/.drjit: a second run of the
+same scene starts faster.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 import sys
@@ -25,6 +28,7 @@ import harness
 import numpy as np
 from solve_once import peak_megabytes
 
+TIMEOUT = 120.0
 #: Module whose presence says that a peer is installed.
 MODULES = {"mitsuba": "mitsuba", "cycles": "bpy"}
 #: Samples per point of the first run, by how much each next one has more, and of the last one at most.
@@ -235,18 +239,11 @@ def main() -> None:
     if sys.argv[1:2] == ["--child"]:
         work(*sys.argv[2:])
         return
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--scene", nargs="*", help="without: all that have a reference")
+    parser = harness.parser(__doc__, TIMEOUT)
+    harness.add_cases(parser)
     parser.add_argument("--error", nargs="*", type=float, default=(0.1, 0.05, 0.02, 0.01))
-    parser.add_argument("--threads", type=int, default=2)
-    parser.add_argument("--timeout", type=float, default=120.0, help="seconds per run")
-    parser.add_argument("--yardstick", type=Path, help="a folder with scenes, points and ref")
     for peer in MODULES:
         parser.add_argument(f"--{peer}", default=sys.executable, help=f"the interpreter that has {peer}")
-    parser.add_argument("--csv", type=Path)
-    parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
     present = []
     for peer, module in MODULES.items():

@@ -176,14 +176,25 @@ def test_children_are_killed_and_failures_told():
     (case,) = harness.chosen(["furnace"])
     with pytest.raises(SystemExit, match=r"no reference for nowhere; there are .*furnace"):
         harness.chosen(["nowhere"])
-    row = accuracy.measure(case, ROOT / "no.glb", 0.2, sys.executable, 1, 60)
+    row = accuracy.measure(case, ROOT / "no.glb", 0.2, harness.Engine(threads=1, timeout=60))
     assert "no.glb" in row["note"]
+
+
+def test_options_reach_the_engine():
+    """Catches an option of the measuring scripts that a solve is not told of."""
+    parser = harness.parser(None, 60.0)
+    harness.add_engine(parser)
+    asked = parser.parse_args(
+        ["--schedule", "sequential", "--time", "9", "--threads", "1", "--python", "python4"]
+    )
+    options = ("--schedule", "sequential", "--time", "9.0")
+    assert harness.engine(asked) == harness.Engine("py", 1, 60.0, options)
 
 
 def test_a_solve_is_measured(tmp_path: Path):
     """Catches points, scores or costs that get lost between the process that solves and the table."""
     (case,) = harness.chosen(["furnace"])
-    row = accuracy.measure(case, case.scene, 0.2, sys.executable, 1, 60)
+    row = accuracy.measure(case, case.scene, 0.2, harness.Engine(threads=1, timeout=60))
     assert row["met"] is True
     assert row["note"] == ""
     # docs/accuracy.md: 0.0035 on the yardstick's box at 0.2.
