@@ -19,7 +19,7 @@ pub struct Hierarchy {
 }
 
 impl Hierarchy {
-    /// Splits an element if it is a leaf; children start with their parent's light. Returns false where a path can
+    /// Splits an element if it is a leaf; children start with their parent's light where they are open. Returns false where a path can
     /// name no deeper level.
     fn split<P: Probe>(&mut self, id: ElementId, evaluator: &Evaluator<'_>, probe: &mut P) -> bool {
         if !self.elements.is_leaf(id) {
@@ -32,7 +32,8 @@ impl Hierarchy {
         self.links.grow(self.elements.len());
         let first = self.elements.get(id).first_child.0;
         let open_share = [0, 1, 2, 3].map(|k| evaluator.open_share(&self.elements, ElementId(first + k), probe));
-        self.light.adopt(id, open_share);
+        let polygon = self.elements.get(id).polygon;
+        self.light.adopt(id, evaluator.scene.polygons[polygon as usize].emission, open_share);
         true
     }
 }

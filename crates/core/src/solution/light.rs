@@ -84,13 +84,19 @@ impl Light {
         &self.irradiance
     }
 
-    /// Takes in the four children that were appended to the elements when `parent` was split: they have its values, and
-    /// open shares of their own.
-    pub fn adopt(&mut self, parent: ElementId, open_share: [f64; 4]) {
+    /// Takes in the four children that were appended to the elements when `parent`, of a polygon with this emission, was
+    /// split: they have open shares of their own, and what is open of them has the light of what was open of the parent.
+    pub fn adopt(&mut self, parent: ElementId, emission: Rgb, open_share: [f64; 4]) {
+        let (whole, irradiance) = (self.open_share[parent.index()], self.irradiance[parent.index()]);
+        self.irradiance.extend(open_share.map(|share| match share {
+            _ if share == whole => irradiance,
+            _ if whole > 0.0 => irradiance * (share / whole),
+            _ => Rgb::ZERO,
+        }));
         self.open_share.extend(open_share);
-        for values in [&mut self.radiosity, &mut self.irradiance, &mut self.next] {
+        for values in [&mut self.radiosity, &mut self.next] {
             if let Some(&value) = values.get(parent.index()) {
-                values.extend([value; 4]);
+                values.extend(open_share.map(|share| if share > 0.0 { value } else { emission }));
             }
         }
     }
