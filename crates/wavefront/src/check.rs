@@ -84,7 +84,8 @@ struct Choice<'a> {
     polygons: &'a [u32],
     /// Probability of all before each, and 1.
     before: Vec<f64>,
-    /// Density of rays to places on emitters, per square metre, over that of rays over the hemisphere, by emitter.
+    /// Density of rays to places on emitters, per square metre, over that of rays over the hemisphere, by emitter;
+    /// infinite where they alone count.
     density: Vec<f32>,
 }
 
@@ -128,7 +129,9 @@ impl Emitters {
         let mut density = Vec::with_capacity(self.polygons.len());
         for (index, &polygon) in self.polygons.iter().enumerate() {
             before.push(before[index] + chance(index));
-            density.push(self.ratio * (chance(index) / f64::from(roots[polygon as usize].area)) as f32);
+            let even = self.ratio * (chance(index) / f64::from(roots[polygon as usize].area)) as f32;
+            let opacity = geometry.scene.polygons[polygon as usize].opacity;
+            density.push(if opacity < 1.0 { f32::INFINITY } else { even });
         }
         Choice { polygons: &self.polygons, before, density }
     }
@@ -137,7 +140,8 @@ impl Emitters {
 impl Choice<'_> {
     /// What a ray over the hemisphere that ends on a surface counts for the emission there, so that it and the rays to
     /// places on emitters tell it once together (balance heuristic: E. Veach, L. Guibas 1995). `rise`, `fall`: cosines at
-    /// both ends; `square`: squared length of the ray, m².
+    /// both ends; `square`: squared length of the ray, m². Where a surface lets light pass, few rays or none end on it, but
+    /// all of it shines: the others tell that.
     fn by_direction(&self, polygon: u32, rise: f32, fall: f32, square: f32) -> f32 {
         let Ok(index) = self.polygons.binary_search(&polygon) else { return 1.0 };
         let direction = rise / PI;
@@ -303,8 +307,10 @@ fn over_hemisphere(
             let surface = &geometry.surfaces[other as usize];
             let fall = -surface.normal.dot(direction);
             let counts = emitters.by_direction(other, height, fall, place.distance_squared(point));
+            // Reflectance is that of the whole surface; the ray has met what does not let it pass.
+            let solid = 1.0 / geometry.scene.polygons[other as usize].opacity.min(1.0) as f32;
             for band in 0..3 {
-                let seen = surface.reflectance[band] * field[band] + counts * surface.emission[band];
+                let seen = solid * surface.reflectance[band] * field[band] + counts * surface.emission[band];
                 sum[band] += seen / (side * side) as f32;
             }
         }
