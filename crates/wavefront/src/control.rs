@@ -86,11 +86,16 @@ impl Budget<'_> {
             Some(Bound::Elements)
         } else if self.fixed + elements * ELEMENT + links * LINK >= self.bytes {
             Some(Bound::Memory)
-        } else if self.deadline.is_some_and(|deadline| Instant::now() + self.rest_of(elements) >= deadline) {
+        } else if self.is_late(elements) {
             Some(Bound::Time)
         } else {
             None
         }
+    }
+
+    /// Would what follows the refinement to so many elements end after the deadline?
+    pub(crate) fn is_late(&self, elements: usize) -> bool {
+        self.deadline.is_some_and(|deadline| Instant::now() + self.rest_of(elements) >= deadline)
     }
 
     fn rest_of(&self, elements: usize) -> Duration {

@@ -160,7 +160,8 @@ const AIM: f64 = 0.8;
 /// Bytes at which refinement ends where nothing else was asked for.
 pub const MEMORY: u64 = 4 << 30;
 
-/// How much longer, by element, what follows refinement may take than in the stage before.
+/// How much longer, by element, what follows refinement may take than in the stage before. Measured: up to 1.7 times, where
+/// the number of elements grows to the fourfold.
 const REST: f64 = 1.5;
 
 /// How much longer than the gathers of the stage before a stage may take: elements grow by the square of what the error falls.
@@ -225,9 +226,6 @@ impl Prepared {
         let mut share = FIRST_SHARE * (FIRST_AIM.max(request.error)).powi(2);
         while bound.is_none() {
             control.begin_stage();
-            // What comes after refinement takes its time too.
-            let rest = |last: &Stage| REST * (last.seconds[1] + last.seconds[2]) / last.elements as f64;
-            budget.rest = stages.last().map_or(0.0, rest);
             let limit = Limit { error: (share * mean * mean * area) as f32, area: (request.least_area * area) as f32 };
             let begun = Instant::now();
             let before = transport.elements.len();
@@ -248,7 +246,8 @@ impl Prepared {
             }
             light.scale = mean as f32;
             let gathered = begun.elapsed();
-            let late = deadline.is_some_and(|deadline| Instant::now() + gathered.mul_f64(GROWTH) > deadline);
+            let next = gathered.mul_f64(GROWTH).max((gathered - refined).mul_f64(2.0 * REST));
+            let late = deadline.is_some_and(|deadline| Instant::now() + next > deadline);
             let stuck = stages.len() > MOST_STAGES / 2 && before == transport.elements.len();
             if bound.is_none() && by_links > SLACK * request.error {
                 bound = if late {
@@ -260,6 +259,7 @@ impl Prepared {
                 };
             }
             let asked = bound.is_some() || by_links <= SLACK * request.error;
+            let begun_check = Instant::now();
             let mut found = asked.then(|| check(&transport, &light, request.error, request.seed, None));
             let is_doubted = |found: &Check| {
                 let claimed = claim(found, 0.0);
@@ -271,7 +271,11 @@ impl Prepared {
             };
             if let Some(found) = found.as_mut().filter(|found| is_doubted(found)) {
                 // Once, refinement may be the cheaper way.
-                while doubted && is_doubted(found) && found.points < MOST_POINTS {
+                let has_time = || {
+                    let next = begun_check.elapsed().mul_f64(4.0);
+                    deadline.is_none_or(|deadline| Instant::now() + next <= deadline)
+                };
+                while doubted && is_doubted(found) && found.points < MOST_POINTS && has_time() {
                     *found = check(&transport, &light, request.error, request.seed, Some(4 * found.points));
                 }
                 doubted = true;
@@ -289,6 +293,7 @@ impl Prepared {
                 evaluated: [transport.evaluated, transport.packets],
                 seconds: [refined, gathered - refined, checked - gathered].map(|part| part.as_secs_f64()),
             });
+            budget.rest = stages.last().map_or(0.0, foreseen);
             estimate = now.or(estimate);
             let dark_left = now.is_some_and(|now| request.dark.is_some_and(|asked| now.dark > MARGIN * asked));
             if bound.is_some() || now.is_some_and(|now| now.total <= MARGIN * request.error && !dark_left) {
@@ -301,6 +306,11 @@ impl Prepared {
             }
             if now.is_some() && !dark_left && (by_links <= request.error / FUTILE || vain >= VAIN) {
                 bound = Some(Bound::Resolution);
+                break;
+            }
+            if now.is_some() && budget.is_late(transport.elements.len()) {
+                // The next stage would end too late even if it refined nothing.
+                bound = Some(Bound::Time);
                 break;
             }
             transport.refine_leaves(&mut light, limit);
@@ -413,6 +423,14 @@ fn claim(check: &Check, by_links: f64) -> Estimate {
         if square > 2.0 * found.square_error { most } else { most.max(0.5 * by_links) }
     };
     Estimate { total: known(check.all), dark: known(check.dark) }
+}
+
+/// Seconds that each element takes from the end of refinement to that of a stage, by the stage before it. A check that was
+/// not made there is taken to last as long as the gathers: measured, 0.3 to 1.3 of them.
+fn foreseen(last: &Stage) -> f64 {
+    let [_, gathers, check] = last.seconds;
+    let check = if last.check.is_some() { check } else { gathers };
+    REST * (gathers + check) / last.elements as f64
 }
 
 fn mean_irradiance(light: &Light, scene: &Scene, transport: &Transport) -> f64 {
