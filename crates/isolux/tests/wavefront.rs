@@ -8,6 +8,7 @@ use common::inputs::{Make, empty, grey, v};
 use common::{difference, draft, irradiances, lit_box, paper, points, scene, shipped, solved};
 use isolux::core::DVec3;
 use isolux::core::kernels::visibility::Rays;
+use isolux::core::scene::Surface;
 use isolux::core::solution::{Flow, Observer, Phase, Progress, Unobserved};
 use isolux::core::units::Rgb;
 use isolux::{Schedule, Settings, SettingsError, Solution, SolveError, Status, solve};
@@ -28,6 +29,38 @@ fn the_furnace_is_within_what_was_asked() {
         let square: f64 = irradiances(&solution, &at).iter().map(|value| (value / 2.0 - 1.0).powi(2)).sum();
         let rms = (square / at.len() as f64).sqrt();
         assert!(rms <= error, "{error}: {rms}");
+        // Measured, 1.4 and 1.0 times; half of what links say, which was claimed once, is ten times as much.
+        let claimed = solution.report().error_estimate.unwrap().total;
+        assert!(claimed < 2.0 * rms, "{error}: {claimed} for {rms}");
+    }
+}
+
+/// Catches a pane that reflects its opacity's share of its opacity's share, in links or in what checks them: between walls
+/// that reflect half of 1 and emit the rest, 1 arrives everywhere if a pane of opacity a and reflectance r emits a (1 - r).
+#[test]
+fn the_furnace_with_a_pane_knows_its_error() {
+    for (opacity, reflectance) in [(0.5, 0.8), (0.2, 0.2), (0.9, 0.4)] {
+        let mut input = empty();
+        let walls = input.object("walls");
+        let paint = input.material("paint", grey(0.5, 0.5));
+        input.inside_of_box(walls, paint, v(0.0, 0.0, 0.0), v(1.0, 1.0, 1.0));
+        let pane = Surface { opacity, ..grey(reflectance, opacity * (1.0 - reflectance)) };
+        let glass = input.material("glass", pane);
+        input.materials[glass as usize].two_sided = true;
+        let p = |x: f64, z: f64| v(x, 0.5, z);
+        input.face(walls, glass, &[p(0.2, 0.2), p(0.2, 0.8), p(0.8, 0.8), p(0.8, 0.2)]);
+        let scene = scene(input);
+        for error in [0.1, 0.02] {
+            let solution = solved(&scene, &asked(error));
+            let off = irradiances(&solution, &points(&scene, 20_000, 3)).into_iter().map(|value| (value - 1.0).powi(2));
+            let rms = (off.sum::<f64>() / 20_000.0).sqrt();
+            let claimed = solution.report().error_estimate.unwrap().total;
+            // Measured: claims of 0.97 to 1.12 of what is; docs/accuracy.md: 1.35 up or down elsewhere.
+            assert!(claimed / rms < 1.35 && rms / claimed < 1.35, "{opacity}, {error}: {claimed} for {rms}");
+            // Asked for 0.02, opacity 1/2 ends at 0.023 and says so.
+            let is_met = solution.report().status == Status::Converged;
+            assert_eq!(is_met, rms <= error, "{opacity}, {error}: {claimed} for {rms}");
+        }
     }
 }
 

@@ -415,12 +415,12 @@ fn converge(light: &mut Light, transport: &Transport, error: f64, control: &Cont
 pub(crate) const MOST_PASSES: u32 = 100;
 
 /// The error that is claimed: what rays found, a standard error of it added; where they cannot tell it from their own noise,
-/// half of what links say at least.
+/// half of what links say at least, but no more than what rays found with two standard errors.
 fn claim(check: &Check, by_links: f64) -> Estimate {
     let known = |found: Found| {
-        let square = found.error * found.error;
-        let most = (square + found.square_error).sqrt();
-        if square > 2.0 * found.square_error { most } else { most.max(0.5 * by_links) }
+        let up_to = |errors: f64| (found.error * found.error + errors * found.square_error).sqrt();
+        let is_known = found.error * found.error > 2.0 * found.square_error;
+        if is_known { up_to(1.0) } else { up_to(1.0).max(up_to(2.0).min(0.5 * by_links)) }
     };
     Estimate { total: known(check.all), dark: known(check.dark) }
 }
