@@ -3,7 +3,7 @@
 
 use crate::geometry::{Element, Geometry, NONE};
 use crate::light::{Bands, Light};
-use crate::rays::even_point_of;
+use crate::rays::{Packet, RAYS, even_point_of};
 use crate::read::quadrant;
 use crate::rounds::Transport;
 use crate::spread::spread;
@@ -11,7 +11,7 @@ use glam::Vec3;
 use isolux_core::sampling::{Stream, mix};
 use isolux_simd::factor::{Polygon, point_factors};
 use rayon::prelude::*;
-use std::f32::consts::PI;
+use std::f32::consts::{FRAC_1_PI, PI};
 
 /// Least and most points, and elements for each in between. The error of the estimate falls with their square root only, so
 /// that a coarse solution is checked in less time than it takes to make; where few places hold most of the error, as in a
@@ -318,6 +318,10 @@ fn over_hemisphere(
     sum
 }
 
+/// Steps of places along both sides of emitters, from ray to ray: powers of the plastic number's inverse, by which places fill
+/// a square evenly however many there are (M. Roberts, *The unreasonable effectiveness of quasirandom sequences*, 2018).
+const STEPS: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_3];
+
 /// Irradiance at a point by one batch of rays to places on the emitters: what they emit.
 fn emitted(
     point: Vec3,
@@ -329,25 +333,32 @@ fn emitted(
     stream: &mut Stream,
 ) -> Bands {
     let normal = geometry.surfaces[polygon as usize].normal;
-    let mut sum = [0.0_f32; 3];
-    for sample in 0..rays {
-        let (emitter, share) = emitters.pick((sample as f64 + stream.next_unit()) / rays as f64);
-        let element = &elements[emitter as usize];
-        let jitter = [stream.next_unit() as f32, stream.next_unit() as f32];
-        let place = even_point_of(element, jitter);
-        let towards = place - point;
-        let square = towards.length_squared();
-        let surface = &geometry.surfaces[emitter as usize];
-        let (rise, fall) = (normal.dot(towards), -surface.normal.dot(towards));
-        if rise <= geometry.tolerance || fall <= geometry.tolerance {
-            continue;
+    let start = [stream.next_unit(), stream.next_unit()];
+    let mut sum = [0.0; 3];
+    let mut last = NONE;
+    for first in (0..rays).step_by(RAYS) {
+        let mut packet = Packet::new();
+        let mut carried = [[0.0; 3]; RAYS];
+        for (ray, carried) in carried.iter_mut().enumerate().take(rays - first) {
+            let index = (first + ray) as f64;
+            let (emitter, share) = emitters.pick((index + stream.next_unit()) / rays as f64);
+            let (element, surface) = (&elements[emitter as usize], &geometry.surfaces[emitter as usize]);
+            let place = even_point_of(element, [0, 1].map(|side| (start[side] + index * STEPS[side]).fract() as f32));
+            packet.set(ray, point, normal, place, surface.normal, geometry.tolerance);
+            let weight = packet.weights[ray];
+            if weight <= 0.0 {
+                continue;
+            }
+            let towards = place - point;
+            let (square, length) = (towards.length_squared(), towards.length());
+            let (rise, fall) = (normal.dot(towards) / length, -surface.normal.dot(towards) / length);
+            let counts = 1.0 - emitters.by_direction(emitter, rise, fall, square);
+            let factor = counts * weight * FRAC_1_PI * element.area / share as f32 / rays as f32;
+            *carried = surface.emission.map(|emission| factor * emission);
         }
-        let passes = geometry.passes_between(point, normal, place, surface.normal, stream);
-        let length = square.sqrt();
-        let counts = 1.0 - emitters.by_direction(emitter, rise / length, fall / length, square);
-        let factor = counts * passes * rise * fall / (PI * square * square) * element.area / share as f32 / rays as f32;
-        for band in 0..3 {
-            sum[band] += factor * surface.emission[band];
+        let through = packet.through(geometry, &mut last);
+        for (carried, through) in carried.iter().zip(through) {
+            (0..3).for_each(|band| sum[band] += through * carried[band]);
         }
     }
     sum

@@ -263,23 +263,4 @@ impl Geometry {
         }
         End::Nowhere
     }
-
-    /// 1 where light gets from one point to another, 0 where it does not; chance decides at surfaces that let some pass.
-    pub(crate) fn passes_between(&self, from: Vec3, normal: Vec3, to: Vec3, other: Vec3, stream: &mut Stream) -> f32 {
-        let direction = to - from;
-        let mut near = self.tolerance / normal.dot(direction);
-        let far = 1.0 + self.tolerance / other.dot(direction);
-        for _ in 0..MOST_PASSED {
-            if near >= far {
-                return 1.0;
-            }
-            let hit = self.bvh.closest(self.backend, from.to_array(), direction.to_array(), near, far);
-            let Some(hit) = hit else { return 1.0 };
-            if stream.next_unit() as f32 >= self.passes(hit.primitive, hit.u, hit.v) {
-                return 0.0;
-            }
-            near = hit.t + 2.0 * self.tolerance / direction.length();
-        }
-        0.0
-    }
 }

@@ -450,7 +450,14 @@ fn decide(
                             link = more;
                             continue;
                         }
-                        None => {}
+                        None => {
+                            // Not one place that was asked can see the source, though the receiver does: only parts can tell.
+                            let splittable = |node: &u32| is_splittable(*node, evaluator, limit.area);
+                            match [link.receiver, link.source].into_iter().find(splittable) {
+                                Some(node) => split[slot] = Some((node, link)),
+                                None => outcome.kept.push(link),
+                            }
+                        }
                     }
                 }
             }
