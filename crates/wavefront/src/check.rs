@@ -1,6 +1,7 @@
 //! A check by rays that know nothing of links: points of the surfaces and a solution's light go in, how far the solution is
 //! from fulfilling its own equation comes out.
 
+use crate::contacts::{is_covered, is_on_line};
 use crate::geometry::{Element, Geometry, NONE};
 use crate::light::{Bands, Light};
 use crate::rays::{Packet, RAYS, even_point_of};
@@ -179,7 +180,9 @@ pub(crate) fn check(transport: &Transport, light: &Light, error: f64, seed: u64,
             let polygon = before.partition_point(|&before| before <= wanted).max(1) - 1;
             let jitter = [stream.next_unit() as f32, stream.next_unit() as f32];
             let point = even_point_of(&elements[polygon], jitter);
-            if crate::contacts::is_covered(point, polygon as u32, geometry) {
+            let leaf = node_at(polygon as u32, point, 0.0, transport);
+            let on_line = || is_on_line(point, &elements[leaf as usize], geometry);
+            if is_covered(point, polygon as u32, geometry) || on_line() {
                 return None;
             }
             let emitters = emitters.seen_from(point, geometry.surfaces[polygon].normal, geometry, elements);
@@ -235,21 +238,26 @@ impl Point {
         self.found.map(|found| std::array::from_fn(|band| found[band] - self.solved[band]))
     }
 
-    /// The smallest node of its polygon that is at least `area` large, m²: of 0, the leaf.
+    /// The smallest node of its polygon that holds it and is at least `area` large, m²: of 0, the leaf.
     fn node(&self, area: f32, transport: &Transport) -> u32 {
-        let normal = transport.geometry.surfaces[self.polygon as usize].normal;
-        let mut node = self.polygon;
-        loop {
-            let element = &transport.elements[node as usize];
-            if element.first_child == NONE {
-                return node;
-            }
-            let child = element.first_child + quadrant(element, normal, self.place) as u32;
-            if transport.elements[child as usize].area < area {
-                return node;
-            }
-            node = child;
+        node_at(self.polygon, self.place, area, transport)
+    }
+}
+
+/// The smallest node of a polygon that holds a place and is at least `area` large, m²: of 0, the leaf.
+fn node_at(polygon: u32, place: Vec3, area: f32, transport: &Transport) -> u32 {
+    let normal = transport.geometry.surfaces[polygon as usize].normal;
+    let mut node = polygon;
+    loop {
+        let element = &transport.elements[node as usize];
+        if element.first_child == NONE {
+            return node;
         }
+        let child = element.first_child + quadrant(element, normal, place) as u32;
+        if transport.elements[child as usize].area < area {
+            return node;
+        }
+        node = child;
     }
 }
 

@@ -105,6 +105,16 @@ impl Contacts {
     }
 }
 
+/// Is a point of an element so close to a line of contact that rounding decides on which side it is?
+pub(crate) fn is_on_line(point: Vec3, element: &Element, geometry: &Geometry) -> bool {
+    let reach = BESIDE * geometry.tolerance;
+    geometry.contacts.near(element, reach).any(|&[from, to]| {
+        let along = to - from;
+        let share = ((point - from).dot(along) / along.length_squared().max(f32::MIN_POSITIVE)).clamp(0.0, 1.0);
+        point.distance_squared(from + along * share) < reach * reach
+    })
+}
+
 /// Segments in which other polygons meet the inside of `polygon`.
 fn touching(polygon: u32, geometry: &Geometry, clusters: &Clusters, roots: &[Element]) -> Vec<Line> {
     let (root, tolerance) = (&roots[polygon as usize], geometry.tolerance);

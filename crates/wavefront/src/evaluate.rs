@@ -6,6 +6,7 @@ use crate::field::{INNER, mean};
 use crate::geometry::{Element, Geometry, NONE};
 use crate::ideas::Ideas;
 use crate::link::{CLUSTER, Link, MIDDLE, State};
+use crate::oracle::{SMOOTH, STEP};
 use crate::order::Order;
 use crate::rays::{Jitter, Packet, RAYS, own_point, point_of, sample};
 use glam::Vec3;
@@ -282,6 +283,7 @@ impl Evaluator<'_> {
         let (mut sum, mut whole) = (0.0, 0.0);
         let mut unknown = [false; 5];
         let (mut middle, mut lit, mut places) = ([0.0; 2], 0.0, [[0.0; 2]; RAYS]);
+        let (mut steps, mut quarters) = (Steps::default(), [0; RAYS]);
         let depth = rays as usize + 1;
         for k in (0..5).filter(|&k| k != 3 || x.count == 4) {
             let open = open_of(x, k);
@@ -292,15 +294,20 @@ impl Evaluator<'_> {
             let mut jitter = Jitter::new(x.path.to_bits() ^ k as u64, y.path.to_bits(), self.seed);
             let turn = self.turn(&mut jitter);
             let (mut seen, mut all) = (0.0, 0.0);
+            let mut parts = [[0.0; 3]; 4];
             let mut packet = Packet::new();
             for first in (0..1_usize << (2 * depth)).step_by(RAYS) {
                 for ray in 0..RAYS {
                     let index = first + ray;
                     let [s, t, u, v] = jitter.four();
-                    let from = if x.crossed {
-                        own_point(x, open[(index ^ turn) % open.len()]).0
+                    let part = reversed(index, depth) ^ (turn & ((1 << (2 * depth)) - 1));
+                    let from;
+                    (from, quarters[ray]) = if x.crossed {
+                        let place = (index ^ turn) % open.len();
+                        (own_point(x, open[place]).0, place)
                     } else {
-                        point_in(x, k, depth, reversed(index, depth) ^ (turn & ((1 << (2 * depth)) - 1)), [u, v])
+                        let finest = depth.min(3);
+                        (point_in(x, k, depth, part, [u, v]), part >> (2 * (finest - 1)) & 3)
                     };
                     let (to, place) = point_of(y, depth, index, [s, t]);
                     places[ray] = place;
@@ -312,6 +319,9 @@ impl Evaluator<'_> {
                 let through = self.through(&packet, last);
                 for ray in 0..RAYS {
                     let weight = packet.weights[ray] * through[ray];
+                    parts[quarters[ray]][0] += weight;
+                    parts[quarters[ray]][1] += packet.weights[ray];
+                    parts[quarters[ray]][2] += packet.weights[ray] * packet.weights[ray];
                     seen += weight;
                     all += packet.weights[ray];
                     middle = [middle[0] + weight * places[ray][0], middle[1] + weight * places[ray][1]];
@@ -326,6 +336,9 @@ impl Evaluator<'_> {
             least = least.min(at[k]);
             most = most.max(at[k]);
             saturated |= at[k] <= 0.0 || at[k] >= 1.0;
+            if rays > 1 {
+                steps.add(at[k], &parts);
+            }
             let weight = factors[k].max(1e-3 * factors[MIDDLE]);
             sum += at[k] * weight;
             whole += weight;
@@ -340,9 +353,15 @@ impl Evaluator<'_> {
         for k in 0..x.count as usize {
             at[k] = (at[MIDDLE] + 2.0 * INNER * (at[k] - at[MIDDLE])).clamp(0.0, 1.0);
         }
+        let mut range = (most - least).max(0.0);
+        // What regions hide counts like a step between points.
+        let missed = steps.missed(&at, x.count) / STEP;
+        if missed > if saturated { range } else { SMOOTH * range } {
+            (saturated, range) = (true, missed);
+        }
         let flags = if saturated { State::SATURATED } else { 0 };
         let centre = if lit > 0.0 { middle.map(|value| value / lit) } else { [0.5; 2] };
-        let state = State::new(byte(sum / whole), byte((most - least).max(0.0)), rays, flags, centre);
+        let state = State::new(byte(sum / whole), byte(range), rays, flags, centre);
         let (at, state) = shaded(at, state);
         Some(Link { receiver, source, factors: std::array::from_fn(|k| factors[k] * at[k]), state })
     }
@@ -429,6 +448,43 @@ fn point_in(element: &Element, k: usize, depth: usize, index: usize, jitter: [f3
         }
         (MIDDLE, _) => point_of(element, depth + 1, 3 << (2 * depth) | index, jitter).0,
         _ => point_of(element, depth + 1, k << (2 * depth) | index, jitter).0,
+    }
+}
+
+/// How much visibility varies within the regions of a receiver, by quarters of each.
+#[derive(Clone, Copy, Debug, Default)]
+struct Steps {
+    /// Sums over regions: of the variance within, and of what chance makes of it.
+    variance: f32,
+    chance: f32,
+    regions: f32,
+}
+
+impl Steps {
+    /// A region's mean visibility, and its quarters': what was seen of what there was, and the sum of the squared weights.
+    fn add(&mut self, mean: f32, parts: &[[f32; 3]; 4]) {
+        for [seen, all, squares] in parts.iter().filter(|part| part[1] > 0.0) {
+            self.variance += 0.25 * (seen / all - mean) * (seen / all - mean);
+            // So many rays of equal weight would say as much.
+            let rays = all * all / squares;
+            self.chance += 0.25 * 0.75 * mean * (1.0 - mean) / rays;
+        }
+        self.regions += 1.0;
+    }
+
+    /// Root mean square over the receiver of what a linear function misses, less what chance may make of it. `at`: mean
+    /// visibilities of the regions.
+    fn missed(&self, at: &[f32; 5], count: u8) -> f32 {
+        if self.regions == 0.0 {
+            return 0.0;
+        }
+        // Regions are half as large as the receiver: a linear function varies a quarter as much in them as between them.
+        let quarters = [at[0], at[1], at[2], if count == 4 { at[3] } else { at[MIDDLE] }];
+        let mean = quarters.iter().sum::<f32>() / 4.0;
+        let linear = quarters.iter().map(|value| (value - mean) * (value - mean)).sum::<f32>() / 16.0;
+        let doubt = (2.0 / (3.0 * self.regions)).sqrt();
+        let (variance, chance) = (self.variance / self.regions, self.chance / self.regions);
+        (variance - linear - chance * (1.0 + 2.0 * doubt)).max(0.0).sqrt()
     }
 }
 

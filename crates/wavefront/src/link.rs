@@ -39,7 +39,8 @@ pub(crate) struct State {
 impl State {
     /// The visibility is 1, and that is proven.
     pub(crate) const CLEAR: u8 = 8;
-    /// Some of the receiver's points see all of what they could see of the source, or nothing.
+    /// Some of the receiver's points see all of what they could see of the source, or nothing, or its regions are lit in
+    /// part: the spread is that of a step.
     pub(crate) const SATURATED: u8 = 16;
     /// Balls around the nodes overlap: the link says how much there may be, not how much there is.
     pub(crate) const BROAD: u8 = 32;

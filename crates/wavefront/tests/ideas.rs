@@ -177,7 +177,8 @@ fn the_last_blocker_changes_next_to_no_link() {
 #[test]
 fn all_others_change_the_links_and_keep_the_light() {
     for (name, solve) in WITHOUT.iter().filter(|(name, _)| !ONLY_FASTER.contains(name)) {
-        assert!(solve.outcome.links != WHOLE.outcome.links, "{name}");
+        let dark = (solve.dark_links(), WHOLE.dark_links());
+        assert!(solve.outcome.links != WHOLE.outcome.links || dark.0 != dark.1, "{name}");
         let apart = solve.mean() / WHOLE.mean() - 1.0;
         assert!(apart.abs() < 0.05, "{name}: {apart}");
     }
