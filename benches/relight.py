@@ -2,9 +2,10 @@
 
     python benches/relight.py scenes/room.glb 0.05
 
-Tells of the solve, of the first mix, which makes the light by groups, of mixes (least and median of 20), of other
-reflectances, and of bytes in memory and in the file. A mix reads one column per group, writes one field and
-makes the means of all elements; bytes of columns a second say how far that is from what memory gives.
+Tells of the solve, of the first mix, which makes the light by groups, of mixes (least and median of 20),
+of other reflectances, and of bytes in memory and in the file. A mix reads one column per group, writes
+one field and makes the means of all elements; bytes of columns a second say how far that is from what
+memory gives.
 """
 
 from __future__ import annotations
