@@ -65,7 +65,7 @@ class RelightError(IsoluxError, ValueError):
 
 
 class NotRelightableError(RelightError):
-    """The solution has no light by groups: another schedule, an older file, or a solve that a bound ended."""
+    """The solution has no light by groups: another schedule, an older file, or a cancelled solve."""
 
 
 class WriteError(IsoluxError):

@@ -183,21 +183,12 @@ class GroupReport:
 
 @dataclasses.dataclass(frozen=True)
 class GroupsReport:
-    """Light groups of a solve, and whether its light is kept by them."""
+    """Light groups of a solve."""
 
     #: What the groups are made of; ``"material"`` where more than 32 objects emit, ``"all"`` where that
     #: many materials do, too.
     by: Literal["object", "material", "all"]
     groups: tuple[GroupReport, ...]
-    #: Why the light is not kept by groups; None where it is, or where there is one group alone.
-    lacking: str | None
-    #: Gathers over all links, and at the leaves' own points, that the groups' light took.
-    passes: tuple[int, int]
-    #: Bytes of the groups' light in memory, and in a file before compression.
-    bytes: int
-    #: RMS difference between the sum of the groups' light, which is the solution, and the light that rays
-    #: checked, relative to the mean irradiance; part of the error estimate.
-    apart: float
 
 
 @dataclasses.dataclass(frozen=True)
@@ -358,8 +349,7 @@ def _bands(values: Any) -> Bands:  # noqa: ANN401
 
 def _groups(values: Mapping[str, Any]) -> GroupsReport:
     groups = tuple(GroupReport(**{**entry, "power": _bands(entry["power"])}) for entry in values["groups"])
-    passes, settles = values["passes"]
-    return GroupsReport(**{**values, "groups": groups, "passes": (passes, settles)})
+    return GroupsReport(by=values["by"], groups=groups)
 
 
 def _relit(values: Mapping[str, Any]) -> RelitReport:

@@ -354,7 +354,7 @@ class Solution:
 
     def _group(self, group: str) -> Arrays:
         if not self._groups:
-            _, arrays = self._inner.to_record()
+            arrays = self._inner.arrays()
             split: dict[str, dict[str, Any]] = {}
             for name, array in arrays.items():
                 prefix, _, rest = name.partition("/")

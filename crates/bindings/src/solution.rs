@@ -10,7 +10,7 @@ use isolux::core::DVec3;
 use isolux::core::units::Rgb;
 use isolux::flat;
 use isolux::formats::write::{self, GlbOptions, Picture, PngOptions, Provenance, Recall, ToneMap};
-use isolux::{Changes, Record, RenderSettings, Solution as FacadeSolution, View};
+use isolux::{Array, Changes, Record, RenderSettings, Solution as FacadeSolution, View};
 use numpy::PyReadonlyArrayDyn;
 use pyo3::exceptions::{PyIndexError, PyValueError};
 use pyo3::prelude::*;
@@ -106,11 +106,13 @@ impl Solution {
     fn to_record<'py>(&self, py: Python<'py>) -> PyResult<(String, Bound<'py, PyDict>)> {
         let solution = self.inner.clone();
         let record = interruptible(py, move || solution.to_record())?;
-        let arrays = PyDict::new(py);
-        for array in record.arrays {
-            arrays.set_item(array.name.clone(), from_record_array(py, array)?)?;
-        }
-        Ok((record.attributes, arrays))
+        Ok((record.attributes, dictionary(py, record.arrays)?))
+    }
+
+    /// The arrays without the light by groups.
+    fn arrays<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let solution = self.inner.clone();
+        dictionary(py, interruptible(py, move || solution.arrays())?)
     }
 
     /// A solution back from a JSON object and named arrays.
@@ -303,6 +305,15 @@ fn write_out(
             Err(stopped)
         }
     }
+}
+
+/// Arrays by name.
+fn dictionary(py: Python<'_>, arrays: Vec<Array>) -> PyResult<Bound<'_, PyDict>> {
+    let named = PyDict::new(py);
+    for array in arrays {
+        named.set_item(array.name.clone(), from_record_array(py, array)?)?;
+    }
+    Ok(named)
 }
 
 /// The suffix of a path in lower case, without its dot.

@@ -155,10 +155,10 @@ fn u32_array(name: &str, values: impl Iterator<Item = u32>) -> Array {
 /// Marks an index that is not there.
 const NONE: u32 = u32::MAX;
 
-pub(crate) fn write(solution: &Solution) -> Record {
+/// `columns`: the light by groups, if it is to be there.
+pub(crate) fn write(solution: &Solution, columns: Option<&Columns>) -> Record {
     let scene = &solution.scene;
     let Hierarchy { elements, links, light } = &solution.hierarchy;
-    let columns = solution.transport.as_ref().and_then(|transport| transport.columns.as_deref());
     let attributes = Attributes {
         format: FORMAT,
         version: crate::VERSION.to_owned(),
@@ -224,7 +224,7 @@ pub(crate) fn write(solution: &Solution) -> Record {
     arrays.push(rgb_array("elements/irradiance", light.irradiances().iter().copied()));
     arrays.push(flat_array("elements/open_share", Data::F64(light.open_shares().to_vec())));
     match &solution.transport {
-        Some(transport) => transport_arrays(transport, &mut arrays),
+        Some(transport) => transport_arrays(transport, columns, &mut arrays),
         None => link_arrays(links, &solution.vertex_irradiance, &mut arrays),
     }
     let attributes = serde_json::to_string(&attributes).unwrap_or_else(|error| {
@@ -247,8 +247,8 @@ fn link_arrays(links: &Links, vertex_irradiance: &[Rgb], arrays: &mut Vec<Array>
 }
 
 /// What `wavefront` leaves behind beyond elements and light.
-fn transport_arrays(transport: &Transported, arrays: &mut Vec<Array>) {
-    let Transported { fields, links, clusters, limit: _, columns } = transport;
+fn transport_arrays(transport: &Transported, columns: Option<&Columns>, arrays: &mut Vec<Array>) {
+    let Transported { fields, links, clusters, .. } = transport;
     let table = |name: &str, shape: &[usize], data| Array { name: name.to_owned(), shape: shape.to_vec(), data };
     let values = fields.iter().flatten().flatten().copied().collect();
     arrays.push(table("elements/field", &[fields.len(), 5, 3], Data::F32(values)));
@@ -453,8 +453,11 @@ fn read_transported(part: Part, beyond: Beyond, shelf: &mut Shelf) -> Result<Sol
     if !(limit.is_finite() && limit >= 0.0) {
         return Err(inconsistent("attributes/limit", format!("{limit} is not a number of 0 or more")));
     }
-    let columns =
-        if groups.is_empty() { None } else { Some(Arc::new(read_columns(groups, &elements, &scene, shelf)?)) };
+    let columns = if groups.is_empty() {
+        OnceLock::new()
+    } else {
+        Arc::new(read_columns(groups, &elements, &scene, shelf)?).into()
+    };
     let transport = Transported { fields, links: Arc::new(links), clusters: Arc::new(clusters), limit, columns };
     transport.check(&scene, &elements, &light).map_err(|TransportViolation { name, what }| inconsistent(name, what))?;
     Ok(crate::wavefront::solution(Arc::new(scene), elements, light, active, transport, report))

@@ -1,15 +1,15 @@
 //! Relighting: a solution of `wavefront` and new weights of its light groups go in, the solution of the dimmed scene comes
 //! out, without a gather; with new reflectances, after gathers over the links that are there, without a ray.
 
-use crate::groups::light_groups;
+use crate::groups::{LightGroups, light_groups};
 use crate::report::{ErrorEstimate, PhaseReport, ReflectanceReport, RelitReport, WeightReport};
 use crate::wavefront::{Columns, Transported, solution};
-use crate::{RelightError, Report, Solution};
+use crate::{RelightError, Report, Solution, Status};
 use isolux_core::scene::{Alpha, Scene};
 use isolux_core::solution::Light;
 use isolux_core::tree::ElementId;
 use isolux_core::units::Rgb;
-use isolux_wavefront::{Control, NO_GROUP, Remains, Room, Solved, light_of};
+use isolux_wavefront::{Control, NO_GROUP, Remains, Solved, light_of};
 use rayon::prelude::*;
 use std::sync::Arc;
 use std::time::Instant;
@@ -29,21 +29,20 @@ pub struct Changes {
     pub threads: usize,
 }
 
-/// Leaves of the total from those of the columns, by leaf: sums in the order of the groups.
+/// Leaves of the total from those of the columns, by leaf: sums in double precision, as [`Solved::columns`] adds them up.
 pub(crate) fn mixed(columns: &[Vec<Field>], weights: &[[f64; 3]]) -> Vec<Field> {
-    let weights: Vec<[f32; 3]> = weights.iter().map(|weight| weight.map(|band| band as f32)).collect();
     let leaves = columns.first().map_or(0, Vec::len);
     (0..leaves)
         .into_par_iter()
         .with_min_len(1024)
         .map(|leaf| {
-            let mut sum = [[0.0; 3]; 5];
-            for (column, weight) in columns.iter().zip(&weights) {
+            let mut sum = [[0.0_f64; 3]; 5];
+            for (column, weight) in columns.iter().zip(weights) {
                 for (sum, value) in sum.iter_mut().zip(&column[leaf]) {
-                    (0..3).for_each(|band| sum[band] += weight[band] * value[band]);
+                    (0..3).for_each(|band| sum[band] += weight[band] * f64::from(value[band]));
                 }
             }
-            sum
+            sum.map(|at| at.map(|value| value as f32))
         })
         .collect()
 }
@@ -56,6 +55,30 @@ pub(crate) fn place(solution: &isolux_core::tree::Elements, leaves: Vec<Field>, 
 }
 
 impl Solution {
+    /// The light by groups. It is made when it is first asked for, by gathers over the links that are there, to be dimmed
+    /// or saved; a solution that was opened or relit has it already.
+    ///
+    /// # Errors
+    /// [`RelightError`] where links for it are missing: of another schedule, an older file or a cancelled solve.
+    pub fn columns(&self) -> Result<Arc<Columns>, RelightError> {
+        let Some(transport) = &self.transport else {
+            return Err(RelightError::Schedule { schedule: self.report.schedule.name() });
+        };
+        if let Some(columns) = transport.columns.get() {
+            return Ok(columns.clone());
+        }
+        let made = Arc::new(columns_of(self, transport)?);
+        // That of one group is at hand anyway.
+        Ok(if made.names.len() > 1 { transport.columns.get_or_init(|| made).clone() } else { made })
+    }
+
+    /// The light by groups that a file keeps: with one group, it is all of the light.
+    pub(crate) fn kept_columns(&self) -> Option<Arc<Columns>> {
+        let transport = self.transport.as_ref()?;
+        let is_kept = transport.columns.get().is_some() || light_groups(&self.scene).groups.len() > 1;
+        is_kept.then(|| self.columns().ok()).flatten()
+    }
+
     /// The solution of the same scene with its light groups dimmed, brightened or coloured: exact to rounding, since light
     /// is linear in what is emitted. With other reflectances light is gathered anew over the same links, which were refined
     /// for the old ones.
@@ -81,10 +104,7 @@ fn relit(old: &Solution, changes: &Changes) -> Result<Solution, RelightError> {
     let Some(transport) = &old.transport else {
         return Err(RelightError::Schedule { schedule: old.report.schedule.name() });
     };
-    let mut columns = match &transport.columns {
-        Some(columns) => columns.clone(),
-        None => Arc::new(only_column(old, transport)?),
-    };
+    let mut columns = old.columns()?;
     let weights = weights_of(&columns.names, &changes.weights)?;
     let known = &old.report.relit;
     let mut origin = known.clone().unwrap_or_else(|| RelitReport {
@@ -99,9 +119,7 @@ fn relit(old: &Solution, changes: &Changes) -> Result<Solution, RelightError> {
     let open = old.hierarchy.light.open_shares();
     let mut fields = transport.fields.clone();
     if !changes.reflectance.is_empty() {
-        if transport.limit <= 0.0 {
-            return Err(RelightError::Unprepared { why: "it was written by an older version".into() });
-        }
+        let remains = remains(old, transport)?;
         for (name, value) in &changes.reflectance {
             repaint(&mut scene, name, *value)?;
             origin.reflectance.retain(|entry| entry.material != *name);
@@ -111,7 +129,11 @@ fn relit(old: &Solution, changes: &Changes) -> Result<Solution, RelightError> {
         let whole = vec![[1.0; 3]; columns.names.len()];
         emit(&mut scene, &columns, &whole);
         place(elements, mixed(&columns.fields, &whole), &mut fields);
-        let anew = regathered(&scene, old, transport, &fields, &columns)?;
+        let error = old.report.settings.error;
+        let gathered = Solved::reopened(Arc::new(scene.clone()), &Remains { fields: &fields, ..remains });
+        // Nothing stops it.
+        let control = &Control::default();
+        let anew = by_groups(&gathered.regathered(error, control), &columns.of, columns.names.len(), error, control)?;
         columns = Arc::new(Columns { fields: anew, ..Columns::clone(&columns) });
         place(elements, mixed(&columns.fields, &whole), &mut fields);
         origin.mean_irradiance = mean_irradiance(&scene, &light_of(&scene, elements, &fields, open.to_vec()));
@@ -141,25 +163,51 @@ fn relit(old: &Solution, changes: &Changes) -> Result<Solution, RelightError> {
         phases: vec![PhaseReport { name: "relight".into(), seconds: start.elapsed().as_secs_f64() }],
         ..old.report.clone()
     };
-    let transport = Transported { fields, columns: Some(columns), ..transport.clone() };
+    let transport = Transported { fields, columns: columns.into(), ..transport.clone() };
     Ok(solution(Arc::new(scene), elements, light, old.active.clone(), transport, report))
 }
 
-/// The column of a scene that has one group: all of its light.
-fn only_column(old: &Solution, transport: &Transported) -> Result<Columns, RelightError> {
-    let found = light_groups(&old.scene);
-    if found.groups.len() != 1 {
-        let why = old.report.groups.as_ref().and_then(|groups| groups.lacking.clone());
-        let why = why.unwrap_or_else(|| "it was written by an older version, or cancelled".into());
-        return Err(RelightError::Unprepared { why });
+/// What a solution of `wavefront` has left of its solve.
+fn remains<'a>(old: &'a Solution, transport: &'a Transported) -> Result<Remains<'a>, RelightError> {
+    if transport.limit <= 0.0 {
+        let why = if old.report.status == Status::Cancelled { "it was cancelled" } else { "an older version wrote it" };
+        return Err(RelightError::Unprepared { why: why.into() });
     }
-    let fields = old.hierarchy.elements.leaves().map(|leaf| transport.fields[leaf.index()]).collect();
-    Ok(Columns {
-        names: found.groups.into_iter().map(|group| group.name).collect(),
-        of: found.of,
-        emission: old.scene.polygons.iter().map(|polygon| polygon.emission).collect(),
-        fields: vec![fields],
+    Ok(Remains {
+        elements: &old.hierarchy.elements,
+        open_shares: old.hierarchy.light.open_shares(),
+        fields: &transport.fields,
+        links: &transport.links,
+        clusters: &transport.clusters,
+        limit: transport.limit,
     })
+}
+
+/// The light by groups, over the links of a solution.
+fn columns_of(old: &Solution, transport: &Transported) -> Result<Columns, RelightError> {
+    let LightGroups { groups, of, .. } = light_groups(&old.scene);
+    let fields = if groups.len() == 1 {
+        vec![old.hierarchy.elements.leaves().map(|leaf| transport.fields[leaf.index()]).collect()]
+    } else if old.report.status == Status::Cancelled {
+        return Err(RelightError::Unprepared { why: "it was cancelled".into() });
+    } else {
+        let solved = Solved::reopened(old.scene.clone(), &remains(old, transport)?);
+        // Nothing stops it.
+        by_groups(&solved, &of, groups.len(), old.report.settings.error, &Control::default())?
+    };
+    let emission = old.scene.polygons.iter().map(|polygon| polygon.emission).collect();
+    Ok(Columns { names: groups.into_iter().map(|group| group.name).collect(), of, emission, fields })
+}
+
+fn by_groups(
+    solved: &Solved,
+    of: &[u32],
+    groups: usize,
+    error: f64,
+    control: &Control,
+) -> Result<Vec<Vec<Field>>, RelightError> {
+    let stopped = || RelightError::Internal("gathers by group were stopped".into());
+    solved.columns(of, groups, error, control).map(|found| found.fields).ok_or_else(stopped)
 }
 
 /// Weights by group; each name must exist, each weight be finite and not negative.
@@ -219,34 +267,6 @@ fn repaint(scene: &mut Scene, name: &str, value: [f64; 3]) -> Result<(), Relight
         material.texture = None;
     }
     Ok(())
-}
-
-/// Columns of a scene whose surfaces changed, over the links that are there.
-fn regathered(
-    scene: &Scene,
-    old: &Solution,
-    transport: &Transported,
-    fields: &[Field],
-    columns: &Columns,
-) -> Result<Vec<Vec<Field>>, RelightError> {
-    let error = old.report.settings.error;
-    let remains = Remains {
-        elements: &old.hierarchy.elements,
-        open_shares: old.hierarchy.light.open_shares(),
-        fields,
-        links: &transport.links,
-        clusters: &transport.clusters,
-        limit: transport.limit,
-    };
-    let solved = Solved::regathered(Arc::new(scene.clone()), &remains, error);
-    let groups = columns.names.len();
-    if groups == 1 {
-        let fields = solved.fields();
-        return Ok(vec![old.hierarchy.elements.leaves().map(|leaf| fields[leaf.index()]).collect()]);
-    }
-    // Nothing stops it and nothing bounds it.
-    let found = solved.columns(&columns.of, groups, error, Room::default(), &Control::default());
-    found.map(|found| found.fields).map_err(|given| RelightError::Internal(format!("columns ended: {given:?}")))
 }
 
 /// Mean over the fronts, by area, W/m² or lm/m².

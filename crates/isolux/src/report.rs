@@ -33,22 +33,13 @@ pub struct ErrorEstimate {
     pub dark: Option<f64>,
 }
 
-/// Light groups of a solve, and whether its light is kept by them.
+/// Light groups of a solve.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct GroupsReport {
     /// What the groups are made of.
     pub by: GroupedBy,
     /// The groups, as they were solved.
     pub groups: Vec<LightGroup>,
-    /// Why the light is not kept by groups; none where it is, or where there is one group, whose light is all of it.
-    pub lacking: Option<String>,
-    /// Gathers over all links, and at the leaves' own points, that the groups' light took.
-    pub passes: [u32; 2],
-    /// Bytes that the groups' light takes in memory, and in a file before compression.
-    pub bytes: u64,
-    /// RMS difference between the sum of the groups' light, which is the solution, and the light that rays checked, relative
-    /// to the mean irradiance. It is part of the error estimate.
-    pub apart: f64,
 }
 
 /// Weight of a light group.

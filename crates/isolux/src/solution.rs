@@ -1,7 +1,7 @@
 //! A solved scene, and what it answers; how it came about is left to the schedules.
 
 use crate::wavefront::Transported;
-use crate::{Record, RecordError, RenderError, Report, smooth};
+use crate::{Array, Record, RecordError, RenderError, Report, smooth};
 use isolux_core::DVec3;
 use isolux_core::links::Hierarchy;
 use isolux_core::scene::Scene;
@@ -177,11 +177,17 @@ impl Solution {
         light.check(&self.scene, elements).map_err(|violation| violation.to_string())
     }
 
-    /// Everything as named arrays. `elements/*`, `links/*` and, with `wavefront`, `clusters/*` are what Python shows as
+    /// Everything as named arrays, light by groups included. `elements/*`, `links/*` and, with `wavefront`, `clusters/*` are what Python shows as
     /// views; `scene/*` is the scene after validation.
     #[must_use]
     pub fn to_record(&self) -> Record {
-        crate::record::write(self)
+        crate::record::write(self, self.kept_columns().as_deref())
+    }
+
+    /// The same without the light by groups, which may have to be made first: what can be looked at right away.
+    #[must_use]
+    pub fn arrays(&self) -> Vec<Array> {
+        crate::record::write(self, None).arrays
     }
 
     /// A solution back from its arrays.

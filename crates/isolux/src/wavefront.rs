@@ -2,7 +2,6 @@
 //! beyond elements and light, and the invariants of it.
 
 use crate::groups::{LightGroups, light_groups};
-use crate::relight;
 use crate::report::{ErrorEstimate, GroupsReport, LinkReport, PhaseReport, RowSum, StageReport};
 use crate::solve::report;
 use crate::{Energy, Report, Settings, SettingsError, Solution, SolveError, Status};
@@ -12,8 +11,7 @@ use isolux_core::solution::{Flow, Light, Observer, Phase, Progress, Update};
 use isolux_core::tree::{ElementId, Elements};
 use isolux_core::units::Rgb;
 use isolux_wavefront::{
-    Bound, ClusterColumns, Control, Estimate, Given, Ideas, LinkColumns, MEMORY, NO_GROUP, Outcome, Prepared, Request,
-    Room, Solved, Stage, light_of,
+    Bound, ClusterColumns, Control, Estimate, Ideas, LinkColumns, NO_GROUP, Outcome, Prepared, Request, Stage,
 };
 use rayon::prelude::*;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
@@ -42,8 +40,8 @@ pub struct Transported {
     pub clusters: Arc<ClusterColumns>,
     /// Area times squared error that one source may leave on a leaf, m² (W/m²)² or m² (lm/m²)²; 0 in older files.
     pub limit: f32,
-    /// The light by groups, where there are several, or where it was relit.
-    pub columns: Option<Arc<Columns>>,
+    /// The light by groups: made when it is first asked for, see [`Solution::columns`].
+    pub columns: OnceLock<Arc<Columns>>,
 }
 
 /// Irradiance by light group, as it was solved: with all weights 1.
@@ -64,8 +62,6 @@ struct Finished {
     outcome: Outcome,
     /// Polygons that take part.
     active: Vec<bool>,
-    columns: Option<Columns>,
-    groups: Option<GroupsReport>,
     stages: Vec<Stage>,
     estimate: Option<Estimate>,
     energy: Option<Energy>,
@@ -95,8 +91,7 @@ pub(crate) fn solve(
     };
     let finished = run(&scene, settings.threads, request, observer)?.unwrap_or_else(|| bare(&scene));
     let start = Instant::now();
-    let Finished { outcome, active, columns, groups, stages, estimate, energy, row_sum, mut status, bound, mut phases } =
-        finished;
+    let Finished { outcome, active, stages, estimate, energy, row_sum, mut status, bound, mut phases } = finished;
     let done = Progress { done: 1.0, links: outcome.links.receiver.len(), ..Progress::of(Phase::Iteration) };
     if status != Status::Cancelled && observer.observe(&done) == Flow::Stop {
         status = Status::Cancelled;
@@ -104,14 +99,15 @@ pub(crate) fn solve(
     let is_whole = status != Status::Cancelled;
     let Outcome { elements, light, fields, links, clusters, limit } = outcome;
     let (links, clusters) = (Arc::new(in_order(links)), Arc::new(clusters));
-    let transport = Transported { fields, links, clusters, limit, columns: columns.map(Arc::new) };
+    let transport = Transported { fields, links, clusters, limit, columns: OnceLock::new() };
+    let LightGroups { by, groups, .. } = light_groups(&scene);
     let mut report = Report {
         area_epsilon: settings.least_area() * scene.area(),
         error_estimate: estimate.map(|estimate| ErrorEstimate { total: estimate.total, dark: Some(estimate.dark) }),
         bound: bound.map(str::to_owned),
         clusters: transport.clusters.parent.len() as u64,
         links: by_visibility(&transport.links),
-        groups,
+        groups: Some(GroupsReport { by, groups }),
         energy: energy.filter(|_| is_whole),
         row_sum: row_sum.filter(|_| is_whole),
         stages: stages
@@ -203,18 +199,8 @@ fn work(scene: &Arc<Scene>, request: &Request, control: &Control) -> Finished {
     let tree = begun.elapsed().as_secs_f64();
     let solved = prepared.solve(request, control);
     let start = Instant::now();
-    let mut outcome = solved.outcome(scene);
+    let outcome = solved.outcome(scene);
     let numbered = start.elapsed().as_secs_f64();
-    let start = Instant::now();
-    let deadline = request.time.map(|seconds| begun + Duration::from_secs_f64(seconds));
-    let room = Room { memory: Some(request.memory.unwrap_or(MEMORY)), deadline };
-    let (columns, mut groups) = by_groups(scene, &solved, request.error, room, control);
-    let mut estimate = solved.estimate;
-    if let Some(columns) = &columns {
-        groups.apart = add_up(scene, columns, &mut outcome);
-        estimate = estimate.map(|found| further(found, groups.apart, solved.stages.last()));
-    }
-    let grouped = start.elapsed().as_secs_f64();
     let start = Instant::now();
     let takes_part =
         |polygon: usize| polygon < scene.fronts || outcome.light.irradiance(ElementId(polygon as u32)) != Rgb::ZERO;
@@ -234,84 +220,12 @@ fn work(scene: &Arc<Scene>, request: &Request, control: &Control) -> Finished {
         ("light", sum(1)),
         ("check", sum(2)),
         ("columns", numbered),
-        ("groups", grouped),
         ("balance", balanced),
     ];
     let phases = phases.map(|(name, seconds)| PhaseReport { name: name.to_owned(), seconds }).to_vec();
     let bound = solved.bound.and_then(setting_of);
-    let groups = Some(groups);
-    Finished { outcome, active, columns, groups, stages, estimate, energy, row_sum, status, bound, phases }
-}
-
-/// Makes the light the sum of its groups; returns how far that is from what it was, see [`apart`].
-fn add_up(scene: &Scene, columns: &Columns, outcome: &mut Outcome) -> f64 {
-    let whole = vec![[1.0; 3]; columns.names.len()];
-    let sum = relight::mixed(&columns.fields, &whole);
-    let Outcome { elements, light, fields, .. } = outcome;
-    let apart = apart(elements, light, fields, &sum);
-    relight::place(elements, sum, fields);
-    *light = light_of(scene, elements, fields, light.open_shares().to_vec());
-    apart
-}
-
-/// The light by groups, where there are several, and what is to be told of them.
-fn by_groups(
-    scene: &Scene,
-    solved: &Solved,
-    error: f64,
-    room: Room,
-    control: &Control,
-) -> (Option<Columns>, GroupsReport) {
-    let LightGroups { by, groups, of } = light_groups(scene);
-    let mut told = GroupsReport { by, groups, lacking: None, passes: [0; 2], bytes: 0, apart: 0.0 };
-    let count = told.groups.len();
-    if count < 2 {
-        return (None, told);
-    }
-    if solved.bound == Some(Bound::Stop) {
-        told.lacking = Some("the solve was cancelled".into());
-        return (None, told);
-    }
-    match solved.columns(&of, count, error, room, control) {
-        Ok(found) => {
-            let values: usize = found.fields.iter().map(|column| size_of_val(&column[..])).sum();
-            (told.passes, told.bytes) = (found.passes, values as u64);
-            let names = told.groups.iter().map(|group| group.name.clone()).collect();
-            let emission = scene.polygons.iter().map(|polygon| polygon.emission).collect();
-            (Some(Columns { names, of, emission, fields: found.fields }), told)
-        }
-        Err(given) => {
-            let why = match given {
-                Given::Stop => "the solve was cancelled",
-                Given::Memory => "the bound on memory left no room for its light groups",
-                Given::Time => "the bound on time left none for its light groups",
-            };
-            told.lacking = Some(why.into());
-            (None, told)
-        }
-    }
-}
-
-/// RMS difference between fields of leaves by number and in order, at their middles, relative to the mean irradiance.
-fn apart(elements: &Elements, light: &Light, fields: &[[[f32; 3]; 5]], leaves: &[[[f32; 3]; 5]]) -> f64 {
-    let (mut square, mut sum, mut whole) = (0.0, 0.0, 0.0);
-    for (leaf, field) in elements.leaves().zip(leaves) {
-        let area = elements.get(leaf).area;
-        let off =
-            (0..15).map(|k| f64::from(field[k / 3][k % 3] - fields[leaf.index()][k / 3][k % 3]).powi(2)).sum::<f64>();
-        square += area * off / 15.0;
-        sum += area * light.irradiance(leaf).mean();
-        whole += area;
-    }
-    if sum > 0.0 { (square / whole).sqrt() / (sum / whole) } else { 0.0 }
-}
-
-/// An estimate of light that lies so far from what it was made for, relative to the mean irradiance: where gathers stop has
-/// nothing to do with what links leave out, so the squares add up.
-fn further(found: Estimate, apart: f64, last: Option<&Stage>) -> Estimate {
-    let dark_mean = last.and_then(|stage| stage.check).map_or(1.0, |check| check.dark_mean);
-    let dark = if dark_mean > 0.0 { apart / dark_mean } else { 0.0 };
-    Estimate { total: found.total.hypot(apart), dark: found.dark.hypot(dark) }
+    let estimate = solved.estimate;
+    Finished { outcome, active, stages, estimate, energy, row_sum, status, bound, phases }
 }
 
 /// What a bound that ended the engine means to a user.
@@ -351,8 +265,6 @@ fn bare(scene: &Scene) -> Finished {
     Finished {
         outcome,
         active: (0..count).map(|polygon| polygon < scene.fronts).collect(),
-        columns: None,
-        groups: None,
         stages: Vec::new(),
         estimate: None,
         energy: None,
@@ -439,7 +351,7 @@ impl Transported {
         self.check_light(scene, elements, light)?;
         self.check_clusters(polygons)?;
         self.check_links(elements.len())?;
-        self.columns.as_ref().map_or(Ok(()), |columns| self.check_columns(columns, scene, elements))
+        self.columns.get().map_or(Ok(()), |columns| self.check_columns(columns, scene, elements))
     }
 
     fn check_columns(&self, columns: &Columns, scene: &Scene, elements: &Elements) -> Result<(), TransportViolation> {

@@ -116,13 +116,13 @@ impl Clusters {
             + size_of_val(&self.area_before[..])
     }
 
-    /// Adds to every cluster what those above it have, by bands of a function of direction.
-    pub(crate) fn pass_down(&self, arriving: &mut [Directional]) {
+    /// Adds to every cluster what those above it have, by channels of a function of direction.
+    pub(crate) fn pass_down<const C: usize>(&self, arriving: &mut [Directional<C>]) {
         self.pass_below(0, arriving);
     }
 
     /// The same from cluster `first` on, whose own value comes first in `arriving`.
-    fn pass_below(&self, first: usize, arriving: &mut [Directional]) {
+    fn pass_below<const C: usize>(&self, first: usize, arriving: &mut [Directional<C>]) {
         let second = self.nodes[first].second as usize;
         if second == 0 {
             return;
@@ -131,7 +131,7 @@ impl Clusters {
         let (one, other) = arriving[1..].split_at_mut(second - first - 1);
         for child in [&mut one[0], &mut other[0]] {
             for (own, above) in child.iter_mut().zip(above) {
-                (0..3).for_each(|band| own[band] += above[band]);
+                (0..C).for_each(|c| own[c] += above[c]);
             }
         }
         if one.len() >= PASSED {

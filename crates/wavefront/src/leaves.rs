@@ -8,7 +8,9 @@
 use crate::evaluate::Evaluator;
 use crate::field::{to_corners, to_samples};
 use crate::geometry::{Element, NONE};
-use crate::light::{Bands, Field, Light, corners_of, level, quarter_of};
+use crate::light::{
+    Bands, Field, Light, add, add_times, bands, corners_of, cut, level, mean, quarter, quarter_of, rms,
+};
 use crate::link::{CLUSTER, Link, State};
 use rayon::prelude::*;
 
@@ -16,19 +18,18 @@ use rayon::prelude::*;
 #[derive(Clone, Copy)]
 struct Seen {
     source: u32,
-    value: Bands,
     at: [f32; 5],
     whole: bool,
 }
 
 /// Fields of all leaves of the polygons, by leaf; `base`: what clusters send to the polygons' roots.
-pub(crate) fn gather(
-    light: &Light,
-    base: &[Field],
+pub(crate) fn gather<const C: usize>(
+    light: &Light<C>,
+    base: &[Field<C>],
     links: &[Link],
     limit: f32,
     evaluator: &Evaluator<'_>,
-) -> Vec<(u32, Field)> {
+) -> Vec<(u32, Field<C>)> {
     let mut rows: Vec<(u32, u32, &[Link])> = links
         .chunk_by(|a, b| a.receiver == b.receiver)
         .filter(|row| row[0].receiver & CLUSTER == 0)
@@ -36,13 +37,13 @@ pub(crate) fn gather(
         .collect();
     rows.sort_by_key(|&(polygon, receiver, _)| (polygon, receiver));
     let polygons: Vec<&[(u32, u32, &[Link])]> = rows.chunk_by(|a, b| a.0 == b.0).collect();
-    let parts: Vec<Vec<(u32, Field)>> = polygons
+    let parts: Vec<Vec<(u32, Field<C>)>> = polygons
         .par_iter()
         .map(|rows| {
             let polygon = rows[0].0;
             let mut leaves = Vec::new();
             let descent = Descent { rows, limit, light, evaluator };
-            descent.descend(polygon, base[polygon as usize], &mut Vec::new(), &mut leaves);
+            descent.descend(polygon, base[polygon as usize], &mut Sources::default(), &mut leaves);
             leaves
         })
         .collect();
@@ -50,47 +51,43 @@ pub(crate) fn gather(
 }
 
 /// Most levels below a leaf's source that are looked at where a leaf touches it.
-pub(crate) const DEEPEST: u32 = 4;
-
-/// Adds what a source throws on a leaf: all of it at once where the source is even or far, part by part where a point at
-/// one end of the leaf sees other parts of it than a point at the other.
-fn add(field: &mut Field, entry: &Seen, near: &Near<'_>) {
-    let Near { leaf, light, evaluator, .. } = *near;
-    let source = &evaluator.elements[entry.source as usize];
-    let factors = evaluator.factors(leaf, source);
-    if entry.whole && near.is_uneven(source, &factors, light.deviation[entry.source as usize]) {
-        if source.first_child == NONE {
-            let surface = &evaluator.geometry.surfaces[source.polygon as usize];
-            let radiosity = light.field[entry.source as usize]
-                .map(|value| std::array::from_fn(|k| surface.emission[k] + surface.reflectance[k] * value[k]));
-            near.add_parts(field, source, &radiosity, DEEPEST);
-        } else {
-            for child in source.first_child..source.first_child + 4 {
-                let value = light.radiosity[child as usize];
-                add(field, &Seen { source: child, value, ..*entry }, near);
-            }
-        }
-        return;
-    }
-    let at = if entry.whole { entry.at } else { to_samples(&entry.at, leaf.count) };
-    for k in 0..5 {
-        let factor = factors[k] * at[k];
-        for band in 0..3 {
-            field[k][band] += factor * entry.value[band];
-        }
-    }
-}
+const DEEPEST: u32 = 4;
 
 /// A leaf that looks at what is close to it.
 #[derive(Clone, Copy)]
-struct Near<'a> {
+struct Near<'a, const C: usize> {
     leaf: &'a Element,
     limit: f32,
-    light: &'a Light,
+    light: &'a Light<C>,
     evaluator: &'a Evaluator<'a>,
 }
 
-impl Near<'_> {
+impl<const C: usize> Near<'_, C> {
+    /// Adds what a source throws on the leaf: all of it at once where the source is even or far, part by part where a point
+    /// at one end of the leaf sees other parts of it than a point at the other.
+    fn add(&self, field: &mut Field<C>, entry: &Seen, value: &[f32; C]) {
+        let Near { leaf, light, evaluator, .. } = *self;
+        let source = &evaluator.elements[entry.source as usize];
+        let factors = evaluator.factors(leaf, source);
+        if entry.whole && self.is_uneven(source, &factors, light.deviation[entry.source as usize]) {
+            if source.first_child == NONE {
+                let own = &light.emission[source.polygon as usize];
+                let rho = evaluator.geometry.surfaces[source.polygon as usize].reflectance;
+                let radiosity = light.field[entry.source as usize]
+                    .each_ref()
+                    .map(|value| std::array::from_fn(|c| own[c] + rho[c % 3] * value[c]));
+                self.add_parts(field, source, &radiosity, DEEPEST);
+            } else {
+                for child in source.first_child..source.first_child + 4 {
+                    self.add(field, &Seen { source: child, ..*entry }, &light.radiosity[child as usize]);
+                }
+            }
+            return;
+        }
+        let at = if entry.whole { entry.at } else { to_samples(&entry.at, leaf.count) };
+        (0..5).for_each(|k| add_times(&mut field[k], factors[k] * at[k], value));
+    }
+
     /// Do the leaf's points see a difference within the source?
     fn is_uneven(&self, source: &Element, factors: &[f32; 5], deviation: [f32; 2]) -> bool {
         let most = factors.iter().fold(0.0_f32, |most, &factor| most.max(factor)) * (deviation[0] + deviation[1]);
@@ -102,13 +99,13 @@ impl Near<'_> {
     }
 
     /// Adds the quarters of a source that has none, with what its field says of them.
-    fn add_parts(&self, field: &mut Field, source: &Element, radiosity: &Field, depth: u32) {
+    fn add_parts(&self, field: &mut Field<C>, source: &Element, radiosity: &Field<C>, depth: u32) {
         for (quadrant, part) in source.quarters(0).iter().enumerate() {
-            let own = crate::light::quarter(radiosity, source.count, quadrant);
-            let value = crate::light::mean(&own, source.count);
+            let own = quarter(radiosity, source.count, quadrant);
+            let value = mean(&own, source.count);
             let factors = self.evaluator.factors(self.leaf, part);
             let square = (0..part.count as usize)
-                .map(|k| crate::light::rms(std::array::from_fn(|band| own[k][band] - value[band])))
+                .map(|k| rms(std::array::from_fn(|band| own[k][band] - value[band])))
                 .map(|apart| apart * apart)
                 .sum::<f32>();
             let deviation = [(square / (3 * part.count) as f32).sqrt(), 0.0];
@@ -116,11 +113,8 @@ impl Near<'_> {
                 self.add_parts(field, part, &own, depth - 1);
                 continue;
             }
-            for k in 0..5 {
-                for band in 0..3 {
-                    field[k][band] += factors[k] * value[band].max(0.0);
-                }
-            }
+            let value = cut(value);
+            (0..5).for_each(|k| add_times(&mut field[k], factors[k], &value));
         }
     }
 }
@@ -129,105 +123,115 @@ impl Near<'_> {
 const SMOOTH: f32 = 0.5;
 
 /// Is it enough to interpolate a link's factors over its receiver? A factor bends by the square of what the receiver's size
-/// is to the distance, and a half is left of that between five points.
-pub(crate) fn is_smooth(link: &Link, element: &Element, limit: f32, light: &Light, evaluator: &Evaluator<'_>) -> bool {
+/// is to the distance, and a half is left of that between five points. `value`: what the factors are multiplied with.
+fn is_smooth(link: &Link, element: &Element, value: Bands, limit: f32, evaluator: &Evaluator<'_>) -> bool {
     let (to, other) = evaluator.ball(link.source);
     let own = element.radius();
     let clear = (element.centre().distance(to) - other).max(own);
     let bend = 0.5 * (own / clear) * (own / clear);
     let most = link.factors.iter().fold(0.0_f32, |most, &factor| most.max(factor));
-    let lost = most * crate::light::rms(light.value(link, evaluator)) * bend;
+    let lost = most * rms(value) * bend;
     evaluator.ideas.smooth_factors && element.area * lost * lost < SMOOTH * limit
+}
+
+/// Is all of the source seen, by all of the receiver's points?
+pub(crate) fn is_whole(state: State) -> bool {
+    state.is(State::CLEAR) || state.visibility == 255 && state.spread == 0
 }
 
 /// Levels of a polygon whose quarters are visited side by side, and rows from which on that is worth it.
 const SIDE_BY_SIDE: u32 = 4;
 const LONG: usize = 128;
 
+/// What a node and those above it see, and what the factors of each are multiplied with, by entry.
+#[derive(Clone)]
+struct Sources<const C: usize> {
+    seen: Vec<Seen>,
+    values: Vec<[f32; C]>,
+}
+
+impl<const C: usize> Default for Sources<C> {
+    fn default() -> Self {
+        Sources { seen: Vec::new(), values: Vec::new() }
+    }
+}
+
 /// The way down a polygon's quadtree.
 #[derive(Clone, Copy)]
-struct Descent<'a> {
+struct Descent<'a, const C: usize> {
     /// Links by receiver, all of this polygon.
     rows: &'a [(u32, u32, &'a [Link])],
     limit: f32,
-    light: &'a Light,
+    light: &'a Light<C>,
     evaluator: &'a Evaluator<'a>,
 }
 
-impl Descent<'_> {
-    /// Appends the fields of the leaves below a node. `field`: what the nodes above it bring; `seen`: sources that they see, as
-    /// they were after the call.
-    fn descend(&self, node: u32, mut field: Field, seen: &mut Vec<Seen>, leaves: &mut Vec<(u32, Field)>) {
+impl<const C: usize> Descent<'_, C> {
+    /// Appends the fields of the leaves below a node. `field`: what the nodes above it bring; `sources`: what they see, as
+    /// it was after the call.
+    fn descend(&self, node: u32, mut field: Field<C>, sources: &mut Sources<C>, leaves: &mut Vec<(u32, Field<C>)>) {
         let Descent { rows, limit, light, evaluator } = *self;
         let element = &evaluator.elements[node as usize];
-        let before = seen.len();
+        let before = sources.seen.len();
         if let Ok(row) = rows.binary_search_by_key(&node, |row| row.1) {
             for link in rows[row].2 {
-                if link.source & CLUSTER != 0 || is_smooth(link, element, limit, light, evaluator) {
-                    let value = light.value(link, evaluator);
+                let value = light.value(link, evaluator);
+                if link.source & CLUSTER != 0 || is_smooth(link, element, bands(&value, 0), limit, evaluator) {
                     let factors = to_corners(&link.factors, element.count);
-                    for k in 0..5 {
-                        for band in 0..3 {
-                            field[k][band] += factors[k] * value[band];
-                        }
-                    }
-                } else if link.state.is(State::CLEAR) || link.state.visibility == 255 && link.state.spread == 0 {
-                    seen.push(Seen {
-                        source: link.source,
-                        value: light.value(link, evaluator),
-                        at: [1.0; 5],
-                        whole: true,
-                    });
-                } else {
+                    (0..5).for_each(|k| add_times(&mut field[k], factors[k], &value));
+                    continue;
+                }
+                let whole = is_whole(link.state);
+                let mut at = [1.0; 5];
+                if !whole {
                     let (open, _) = evaluator.exchange(element, &evaluator.elements[link.source as usize]);
                     let mean = f32::from(link.state.visibility) / 255.0;
                     let is_known = |k: usize| open[k] > 0.0 && evaluator.ideas.linear_receivers;
-                    let at =
-                        std::array::from_fn(|k| if is_known(k) { (link.factors[k] / open[k]).min(1.0) } else { mean });
-                    seen.push(Seen { source: link.source, value: light.value(link, evaluator), at, whole: false });
+                    at = std::array::from_fn(|k| if is_known(k) { (link.factors[k] / open[k]).min(1.0) } else { mean });
                 }
+                sources.seen.push(Seen { source: link.source, at, whole });
+                sources.values.push(value);
             }
         }
         if !evaluator.ideas.linear_receivers {
             level(&mut field, element.count);
         }
         if element.first_child == NONE {
-            let mut samples = [[0.0; 3]; 5];
-            for entry in seen.iter() {
-                add(&mut samples, entry, &Near { leaf: element, limit, light, evaluator });
+            let mut samples = [[0.0; C]; 5];
+            let near = Near { leaf: element, limit, light, evaluator };
+            for (entry, value) in sources.seen.iter().zip(&sources.values) {
+                near.add(&mut samples, entry, value);
             }
             let mut own = corners_of(&samples, element.count);
             if !evaluator.ideas.linear_receivers {
                 level(&mut own, element.count);
             }
-            for k in 0..5 {
-                for band in 0..3 {
-                    field[k][band] += own[k][band];
-                }
-            }
+            add(&mut field, &own);
             leaves.push((node, field));
         } else {
             let count = element.count;
-            let here = seen.clone();
-            let below = |quadrant: usize, seen: &mut Vec<Seen>, leaves: &mut Vec<(u32, Field)>| {
-                for (entry, above) in seen.iter_mut().zip(&here).filter(|(_, above)| !above.whole) {
+            let here = sources.seen.clone();
+            let below = |quadrant: usize, sources: &mut Sources<C>, leaves: &mut Vec<(u32, Field<C>)>| {
+                for (entry, above) in sources.seen.iter_mut().zip(&here).filter(|(_, above)| !above.whole) {
                     entry.at = quarter_of(&above.at, count, quadrant).map(|at| at.clamp(0.0, 1.0));
                 }
-                let part = crate::light::quarter(&field, count, quadrant);
-                self.descend(element.first_child + quadrant as u32, part, seen, leaves);
-                seen.copy_from_slice(&here);
+                let part = quarter(&field, count, quadrant);
+                self.descend(element.first_child + quadrant as u32, part, sources, leaves);
             };
             if element.path.depth() < SIDE_BY_SIDE && rows.len() >= LONG {
+                let all = &*sources;
                 let parts = (0..4).into_par_iter().map(|quadrant| {
                     let mut leaves = Vec::new();
-                    below(quadrant, &mut here.clone(), &mut leaves);
+                    below(quadrant, &mut all.clone(), &mut leaves);
                     leaves
                 });
                 leaves.extend(parts.collect::<Vec<_>>().concat());
             } else {
-                (0..4).for_each(|quadrant| below(quadrant, seen, leaves));
+                (0..4).for_each(|quadrant| below(quadrant, sources, leaves));
+                sources.seen.copy_from_slice(&here);
             }
         }
-        seen.truncate(before);
+        sources.seen.truncate(before);
+        sources.values.truncate(before);
     }
 }

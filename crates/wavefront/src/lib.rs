@@ -6,8 +6,9 @@
 //! 2. Stages ([`Prepared::solve`]). Each refines links in rounds (evaluate all, keep or split each, go on with the parts),
 //!    gathers over them until light settles, gathers once more at the leaves' own points, and asks independent rays how
 //!    wrong that is. The first stage is coarse; each later one lets links leave less, until the asked error is reached.
-//! 3. [`Solved::columns`]: the same light by groups of emitters; [`Solved::outcome`]: everything by number, from which
-//!    [`Solved::regathered`] gathers anew when surfaces change; [`Solved::balance`], [`Solved::row_sums`]: where the
+//! 3. [`Solved::outcome`]: everything by number, from which [`Solved::reopened`] goes on, without a ray, to the same light
+//!    by groups of emitters ([`Solved::columns`]), and to other light when surfaces change ([`Solved::regathered`]);
+//!    [`Solved::balance`], [`Solved::row_sums`]: where the
 //!    light went, and what the links account for.
 //!
 //! Every parallel loop writes its results in the order of its inputs and every sum has a fixed order, so that results are
@@ -46,7 +47,7 @@ mod tracer;
 pub use check::{Check, Found};
 pub use control::{Bound, Control};
 pub use final_gather::FinalGather;
-pub use groups::{Columns, Given, NO_GROUP, Room};
+pub use groups::{Columns, NO_GROUP};
 pub use ideas::Ideas;
 pub use outcome::{ClusterColumns, LinkColumns, Outcome, irradiance_at, irradiance_in, light_of};
 pub use reopen::Remains;

@@ -1,4 +1,10 @@
 //! Radiosity and irradiance of every node, and how they travel: gathered over links, pushed down, pulled up.
+//!
+//! Light travels in channels, side by side: a factor is found once and multiplied with the values of all of them. The first
+//! three are the bands of all light. A solve has no more; light by groups of emitters has three for each group, too. Over
+//! links that stay, light is linear in what is emitted, save for choices that ask the light itself: slopes that are
+//! flattened, values below nothing that are dropped, near sources that are looked at part by part. All channels of a band
+//! follow the choice that its first one makes ([`cut`], [`limited`]), so that groups add up to all light, pass by pass.
 
 use crate::clusters::Clusters;
 use crate::evaluate::Evaluator;
@@ -17,16 +23,38 @@ const ROWS: usize = 256;
 /// One number per band.
 pub(crate) type Bands = [f32; 3];
 
-/// Values at an element's corners and middle.
-pub(crate) type Field = [Bands; 5];
+/// Values at an element's corners and middle, per channel.
+pub(crate) type Field<const C: usize = 3> = [[f32; C]; 5];
 
-/// A function of direction, per band.
-pub(crate) type Directional = [Bands; 9];
+/// A function of direction, per channel.
+pub(crate) type Directional<const C: usize = 3> = [[f32; C]; 9];
 
 /// Share of its mean that a linear source has in its darkest corner at least.
 const LEAST_LEFT: f32 = 0.1;
 
-const DARK: Field = [[0.0; 3]; 5];
+const fn dark<const C: usize>() -> Field<C> {
+    [[0.0; C]; 5]
+}
+
+/// The bands of all light (0), or of a group, counted from 1.
+#[inline(always)]
+pub(crate) fn bands<const C: usize>(channels: &[f32; C], group: usize) -> Bands {
+    std::array::from_fn(|band| channels[3 * group + band])
+}
+
+/// Values where all light of their band is above nothing.
+#[inline(always)]
+pub(crate) fn cut<const C: usize>(channels: [f32; C]) -> [f32; C] {
+    std::array::from_fn(|c| if channels[c % 3] > 0.0 { channels[c] } else { 0.0 })
+}
+
+/// Adds `factor` times some values to others.
+#[inline(always)]
+pub(crate) fn add_times<const C: usize>(sum: &mut [f32; C], factor: f32, channels: &[f32; C]) {
+    for c in 0..C {
+        sum[c] += factor * channels[c];
+    }
+}
 
 /// Root mean square over bands.
 pub(crate) fn rms(bands: Bands) -> f32 {
@@ -34,28 +62,28 @@ pub(crate) fn rms(bands: Bands) -> f32 {
 }
 
 /// Mean of a field over an element: exact for quadratics on parallelograms and triangles.
-pub(crate) fn mean(field: &Field, count: u8) -> Bands {
+pub(crate) fn mean<const C: usize>(field: &Field<C>, count: u8) -> [f32; C] {
     let corner = 1.0 / 12.0;
     let middle = if count == 4 { 2.0 / 3.0 } else { 0.75 };
-    std::array::from_fn(|band| {
-        let sum: f32 = field[..count as usize].iter().map(|value| value[band]).sum();
-        sum * corner + field[MIDDLE][band] * middle
+    std::array::from_fn(|c| {
+        let sum: f32 = field[..count as usize].iter().map(|value| value[c]).sum();
+        sum * corner + field[MIDDLE][c] * middle
     })
 }
 
 /// A field at the corners and middle of a quarter: what is linear along the sides, and the bulge as the quadratic function
 /// that is 1 at the middle and 0 at the corners, the same in all directions. Quadratic functions of that kind stay what
 /// they are, so that a mean is kept on the way down.
-pub(crate) fn quarter(field: &Field, count: u8, quadrant: usize) -> Field {
-    let mut part = DARK;
-    for band in 0..3 {
-        let values = quarter_of(&std::array::from_fn(|k| field[k][band]), count, quadrant);
-        (0..5).for_each(|k| part[k][band] = values[k]);
+pub(crate) fn quarter<const C: usize>(field: &Field<C>, count: u8, quadrant: usize) -> Field<C> {
+    let mut part = dark();
+    for c in 0..C {
+        let values = quarter_of(&std::array::from_fn(|k| field[k][c]), count, quadrant);
+        (0..5).for_each(|k| part[k][c] = values[k]);
     }
     part
 }
 
-/// [`quarter`] of one band.
+/// [`quarter`] of one channel.
 #[inline(always)]
 pub(crate) fn quarter_of(values: &[f32; 5], count: u8, quadrant: usize) -> [f32; 5] {
     let [a, b, c, d, m] = *values;
@@ -86,42 +114,44 @@ pub(crate) fn quarter_of(values: &[f32; 5], count: u8, quadrant: usize) -> [f32;
 }
 
 /// Corners of a field that was gathered in samples.
-pub(crate) fn corners_of(samples: &[Bands], count: u8) -> Field {
-    let mut field = DARK;
-    for band in 0..3 {
-        let corners = to_corners(&std::array::from_fn(|k| samples[k][band]), count);
-        (0..5).for_each(|k| field[k][band] = corners[k]);
+pub(crate) fn corners_of<const C: usize>(samples: &[[f32; C]], count: u8) -> Field<C> {
+    let mut field = dark();
+    for c in 0..C {
+        let corners = to_corners(&std::array::from_fn(|k| samples[k][c]), count);
+        (0..5).for_each(|k| field[k][c] = corners[k]);
     }
     field
 }
 
 /// Gives a field its mean everywhere.
-pub(crate) fn level(field: &mut Field, count: u8) {
+pub(crate) fn level<const C: usize>(field: &mut Field<C>, count: u8) {
     *field = [mean(field, count); 5];
 }
 
 /// Light of all nodes.
-pub(crate) struct Light {
+pub(crate) struct Light<const C: usize = 3> {
+    /// What polygons emit, W/m² or lm/m².
+    pub(crate) emission: Vec<[f32; C]>,
     /// Radiosity of elements, W/m² or lm/m².
-    pub(crate) radiosity: Vec<Bands>,
+    pub(crate) radiosity: Vec<[f32; C]>,
     /// Change of the radiosity over an element, along both coordinates of [`State::centre`].
-    pub(crate) slope: Vec<[Bands; 2]>,
+    pub(crate) slope: Vec<[[f32; C]; 2]>,
     /// Are there slopes? Without, all that radiosity varies is deviation.
     pub(crate) sloped: bool,
     /// RMS deviation of the radiosity within an element, over bands and places: what is linear, and the rest.
     pub(crate) deviation: Vec<[f32; 2]>,
     /// Irradiance of elements: of leaves all there is, of others what came at their level and above.
-    pub(crate) field: Vec<Field>,
+    pub(crate) field: Vec<Field<C>>,
     /// Share of elements that nothing covers.
     pub(crate) open: Vec<f32>,
     /// Sum of the receiver's errors over the links of an element, when last asked.
     pub(crate) coherent: Vec<f32>,
     /// What the last gather at the leaves' own points found beyond what was pushed to them.
-    pub(crate) correction: Vec<Field>,
+    pub(crate) correction: Vec<Field<C>>,
     /// Mean irradiance of elements, pulled.
     pub(crate) irradiance: Vec<Bands>,
     /// Intensity of clusters by direction, W/sr or lm/sr.
-    pub(crate) intensity: Vec<Directional>,
+    pub(crate) intensity: Vec<Directional<C>>,
     /// Mean radiosity of clusters.
     pub(crate) cluster_radiosity: Vec<f32>,
     /// Mean irradiance of clusters, RMS over bands.
@@ -136,23 +166,10 @@ impl Light {
     /// Every surface receives `irradiance`.
     pub(crate) fn even(irradiance: Bands, geometry: &Geometry, clusters: &Clusters, elements: &[Element]) -> Light {
         let field = vec![[irradiance; 5]; elements.len()];
-        let count = clusters.nodes.len();
-        let mut light = Light {
-            radiosity: vec![[0.0; 3]; elements.len()],
-            slope: vec![[[0.0; 3]; 2]; elements.len()],
-            sloped: true,
-            deviation: vec![[0.0; 2]; elements.len()],
-            irradiance: vec![[0.0; 3]; elements.len()],
-            field,
-            open: elements.iter().map(Element::open_share).collect(),
-            coherent: vec![0.0; elements.len()],
-            correction: vec![DARK; elements.len()],
-            intensity: vec![[[0.0; 3]; 9]; count],
-            cluster_radiosity: vec![0.0; count],
-            cluster_irradiance: vec![0.0; count],
-            floor: f32::INFINITY,
-            scale: rms(irradiance),
-        };
+        let emission = geometry.surfaces.iter().map(|surface| surface.emission).collect();
+        let correction = vec![dark(); elements.len()];
+        let mut light = Light::of(emission, field, correction, clusters, elements);
+        light.scale = rms(irradiance);
         light.pull(geometry, clusters, elements, &Order::new(elements, geometry.surfaces.len()));
         light
     }
@@ -208,27 +225,6 @@ impl Light {
         (self.scale * self.scale + self.floor * self.floor) / (irradiance * irradiance + self.floor * self.floor)
     }
 
-    /// What a link's factors are multiplied with.
-    #[inline(always)]
-    pub(crate) fn value(&self, link: &Link, evaluator: &Evaluator<'_>) -> Bands {
-        if link.source & CLUSTER == 0 {
-            let source = link.source as usize;
-            let mut middle = [0.5; 2];
-            if evaluator.elements[source].count == 3 {
-                middle = [1.0 / 3.0; 2];
-            }
-            let [s, t] = link.state.centre();
-            let (s, t) = (s - middle[0], t - middle[1]);
-            let (radiosity, slope) = (&self.radiosity[source], &self.slope[source]);
-            return std::array::from_fn(|k| (radiosity[k] + s * slope[0][k] + t * slope[1][k]).max(0.0));
-        }
-        let (from, _) = evaluator.ball(link.source);
-        let towards = evaluator.ball(link.receiver).0 - from;
-        let harmonics = evaluate(towards.normalize_or(Vec3::X).to_array());
-        let intensity = &self.intensity[(link.source & !CLUSTER) as usize];
-        std::array::from_fn(|band| (0..9).map(|k| harmonics[k] * intensity[k][band]).sum::<f32>().max(0.0))
-    }
-
     /// RMS over bands of [`Light::value`].
     pub(crate) fn strength(&self, link: &Link, evaluator: &Evaluator<'_>) -> f32 {
         if link.state.is(State::BROAD) && link.source & CLUSTER != 0 {
@@ -239,6 +235,59 @@ impl Light {
         let value = rms(self.value(link, evaluator));
         // Where a slope says that nothing comes from the place that counts, its surroundings may still.
         if link.source & CLUSTER == 0 { value.max(rms(self.radiosity[link.source as usize])) } else { value }
+    }
+}
+
+impl<const C: usize> Light<C> {
+    /// With these emissions of polygons and fields of leaves; what follows from them is not there yet.
+    pub(crate) fn of(
+        emission: Vec<[f32; C]>,
+        field: Vec<Field<C>>,
+        correction: Vec<Field<C>>,
+        clusters: &Clusters,
+        elements: &[Element],
+    ) -> Light<C> {
+        let count = clusters.nodes.len();
+        Light {
+            emission,
+            radiosity: vec![[0.0; C]; elements.len()],
+            slope: vec![[[0.0; C]; 2]; elements.len()],
+            sloped: true,
+            deviation: vec![[0.0; 2]; elements.len()],
+            irradiance: vec![[0.0; 3]; elements.len()],
+            field,
+            open: elements.iter().map(Element::open_share).collect(),
+            coherent: vec![0.0; elements.len()],
+            correction,
+            intensity: vec![[[0.0; C]; 9]; count],
+            cluster_radiosity: vec![0.0; count],
+            cluster_irradiance: vec![0.0; count],
+            floor: f32::INFINITY,
+            scale: 0.0,
+        }
+    }
+
+    /// What a link's factors are multiplied with.
+    #[inline(always)]
+    pub(crate) fn value(&self, link: &Link, evaluator: &Evaluator<'_>) -> [f32; C] {
+        if link.source & CLUSTER == 0 {
+            let source = link.source as usize;
+            let mut middle = [0.5; 2];
+            if evaluator.elements[source].count == 3 {
+                middle = [1.0 / 3.0; 2];
+            }
+            let [s, t] = link.state.centre();
+            let (s, t) = (s - middle[0], t - middle[1]);
+            let (radiosity, slope) = (&self.radiosity[source], &self.slope[source]);
+            return cut(std::array::from_fn(|c| radiosity[c] + s * slope[0][c] + t * slope[1][c]));
+        }
+        let (from, _) = evaluator.ball(link.source);
+        let towards = evaluator.ball(link.receiver).0 - from;
+        let harmonics = evaluate(towards.normalize_or(Vec3::X).to_array());
+        let intensity = &self.intensity[(link.source & !CLUSTER) as usize];
+        let mut sum = [0.0; C];
+        (0..9).for_each(|k| add_times(&mut sum, harmonics[k], &intensity[k]));
+        cut(sum)
     }
 
     /// One pass: gather over `links`, sorted by receiver, push, pull.
@@ -254,17 +303,21 @@ impl Light {
     /// Gathers once more, at the points of the leaves, and remembers what that finds beyond a pass.
     pub(crate) fn settle(&mut self, links: &[Link], limit: f32, evaluator: &Evaluator<'_>) {
         let (to_clusters, _) = by_kind(links);
-        let mut base = vec![DARK; evaluator.geometry.surfaces.len()];
+        let mut base = vec![dark(); evaluator.geometry.surfaces.len()];
         self.send_to_members(to_clusters, &mut base, evaluator);
         let leaves = crate::leaves::gather(self, &base, links, limit, evaluator);
-        // What a pass with today's radiosities pushes.
+        self.correct(leaves, links, evaluator);
+    }
+
+    /// Gives leaves these fields, and remembers what they have beyond what a pass with today's radiosities pushes to them.
+    pub(crate) fn correct(&mut self, leaves: Vec<(u32, Field<C>)>, links: &[Link], evaluator: &Evaluator<'_>) {
         self.push(links, evaluator);
-        self.correction.par_iter_mut().with_min_len(4096).for_each(|correction| *correction = DARK);
+        self.correction.par_iter_mut().with_min_len(4096).for_each(|correction| *correction = dark());
         for (leaf, field) in leaves {
             let leaf = leaf as usize;
             for k in 0..5 {
-                for band in 0..3 {
-                    self.correction[leaf][k][band] = field[k][band] - self.field[leaf][k][band];
+                for c in 0..C {
+                    self.correction[leaf][k][c] = field[k][c] - self.field[leaf][k][c];
                 }
             }
             self.field[leaf] = field;
@@ -274,24 +327,16 @@ impl Light {
 
     /// What arrives over the links of one receiver: at an element's points, or at a cluster by direction.
     #[inline(always)]
-    fn gather(&self, row: &[Link], evaluator: &Evaluator<'_>) -> Directional {
-        let mut sum = [[0.0; 3]; 9];
+    fn gather(&self, row: &[Link], evaluator: &Evaluator<'_>) -> Directional<C> {
+        let mut sum = [[0.0; C]; 9];
         for link in row {
             let value = self.value(link, evaluator);
             if link.receiver & CLUSTER == 0 {
-                for k in 0..5 {
-                    for band in 0..3 {
-                        sum[k][band] += link.factors[k] * value[band];
-                    }
-                }
+                (0..5).for_each(|k| add_times(&mut sum[k], link.factors[k], &value));
             } else {
                 let towards = evaluator.ball(link.source).0 - evaluator.ball(link.receiver).0;
                 let harmonics = evaluate(towards.normalize_or(Vec3::X).to_array());
-                for k in 0..9 {
-                    for band in 0..3 {
-                        sum[k][band] += link.factors[0] * harmonics[k] * value[band];
-                    }
-                }
+                (0..9).for_each(|k| add_times(&mut sum[k], link.factors[0] * harmonics[k], &value));
             }
         }
         sum
@@ -312,21 +357,21 @@ impl Light {
             shares.push((from, own, rows_here));
             (rest, from) = (later, to);
         }
-        rest.fill(DARK);
+        rest.fill(dark());
         shares.into_par_iter().for_each(|(from, fields, rows)| {
-            fields.fill(DARK);
+            fields.fill(dark());
             for row in rows {
                 let receiver = row[0].receiver as usize;
                 let count = elements[receiver].count;
                 let field = &mut fields[receiver - from];
-                *field = corners_of(&self.gather(row, evaluator), count);
+                *field = corners_of(&self.gather(row, evaluator)[..5], count);
                 if !evaluator.ideas.linear_receivers {
                     level(field, count);
                 }
             }
         });
         self.send_to_members(to_clusters, &mut fields[..geometry.surfaces.len()], evaluator);
-        let hand_down = |view: &mut View<&mut [Field]>, index: usize| {
+        let hand_down = |view: &mut View<&mut [Field<C>]>, index: usize| {
             let element = &elements[index];
             let (values, own) = view.of(index);
             let field = values[own];
@@ -342,12 +387,12 @@ impl Light {
     }
 
     /// Adds what arrives at clusters, and at those above them, to the fields of their polygons.
-    fn send_to_members(&self, links: &[Link], fields: &mut [Field], evaluator: &Evaluator<'_>) {
+    fn send_to_members(&self, links: &[Link], fields: &mut [Field<C>], evaluator: &Evaluator<'_>) {
         let Evaluator { geometry, clusters, .. } = *evaluator;
         let rows: Vec<&[Link]> = links.chunk_by(|a, b| a.receiver == b.receiver).collect();
-        let gathered: Vec<(u32, Directional)> =
+        let gathered: Vec<(u32, Directional<C>)> =
             rows.par_iter().with_min_len(64).map(|row| (row[0].receiver, self.gather(row, evaluator))).collect();
-        let mut arriving: Vec<Directional> = vec![[[0.0; 3]; 9]; clusters.nodes.len()];
+        let mut arriving: Vec<Directional<C>> = vec![[[0.0; C]; 9]; clusters.nodes.len()];
         for (receiver, values) in gathered {
             arriving[(receiver & !CLUSTER) as usize] = values;
         }
@@ -355,10 +400,10 @@ impl Light {
         let polygons = fields.par_iter_mut().zip(&clusters.home).zip(&geometry.surfaces).with_min_len(1024);
         polygons.filter(|((_, home), _)| **home != NONE).for_each(|((field, &home), surface)| {
             let cosine = clamped_cosine(surface.normal.to_array());
-            for band in 0..3 {
-                let here: f32 = (0..9).map(|k| cosine[k] * arriving[home as usize][k][band]).sum();
-                field.iter_mut().for_each(|value| value[band] += here.max(0.0));
-            }
+            let mut here = [0.0; C];
+            (0..9).for_each(|k| add_times(&mut here, cosine[k], &arriving[home as usize][k]));
+            let here = cut(here);
+            field.iter_mut().for_each(|value| add_times(value, 1.0, &here));
         });
     }
 
@@ -369,7 +414,7 @@ impl Light {
         order.up(elements, Shapes::of(self), |view, index| pull_parent(view, index, elements, sloped));
         let (mut view, above) = order.above(Shapes::of(self));
         above.rev().for_each(|index| pull_parent(&mut view, index, elements, sloped));
-        let roots: Vec<(f32, Bands, Bands, [f32; 9])> = (0..geometry.surfaces.len())
+        let roots: Vec<Root<C>> = (0..geometry.surfaces.len())
             .into_par_iter()
             .with_min_len(1024)
             .map(|polygon| {
@@ -387,7 +432,7 @@ impl Light {
 
     /// Radiosity, irradiance, slope and deviation of leaves from their fields.
     fn read_leaves(&mut self, geometry: &Geometry, elements: &[Element]) {
-        let sloped = self.sloped;
+        let (sloped, emission) = (self.sloped, &self.emission);
         let means = self.radiosity.par_iter_mut().zip(self.irradiance.par_iter_mut());
         let shapes = self.slope.par_iter_mut().zip(self.deviation.par_iter_mut());
         let leaves = elements.par_iter().zip(self.field.par_iter_mut()).zip(means).zip(shapes).with_min_len(1024);
@@ -396,28 +441,31 @@ impl Light {
                 let surface = &geometry.surfaces[element.polygon as usize];
                 if element.open == 0 {
                     // Nothing gets under what covers it.
-                    *field = DARK;
+                    *field = dark();
                 }
-                *irradiance = mean(field, element.count).map(|value| value.max(0.0));
-                *radiosity = std::array::from_fn(|k| surface.emission[k] + surface.reflectance[k] * irradiance[k]);
+                let rho = surface.reflectance;
+                let arriving = cut(mean(field, element.count));
+                *irradiance = bands(&arriving, 0);
+                let own = &emission[element.polygon as usize];
+                *radiosity = std::array::from_fn(|c| own[c] + rho[c % 3] * arriving[c]);
                 let count = element.count as usize;
-                let (mut square, mut change) = (0.0, [[0.0; 3]; 2]);
+                let (mut square, mut change) = (0.0, [[0.0; C]; 2]);
                 for band in 0..3 {
-                    let at = |k: usize| surface.reflectance[band] * field[k][band];
                     for k in 0..count {
-                        let apart = at(k) - surface.reflectance[band] * irradiance[band];
+                        let apart = rho[band] * field[k][band] - rho[band] * irradiance[band];
                         // Of a linear function corners deviate by three times the mean square.
                         square += apart * apart / (9 * count) as f32;
                     }
-                    (change[0][band], change[1][band]) = if !sloped {
-                        (0.0, 0.0)
-                    } else if count == 4 {
+                }
+                for c in (0..C).filter(|_| sloped) {
+                    let at = |k: usize| rho[c % 3] * field[k][c];
+                    (change[0][c], change[1][c]) = if count == 4 {
                         (0.5 * (at(1) + at(2) - at(0) - at(3)), 0.5 * (at(2) + at(3) - at(0) - at(1)))
                     } else {
                         (at(1) - at(0), at(2) - at(0))
                     };
                 }
-                *slope = limited(change, *radiosity, element.count);
+                *slope = limited(change, radiosity, element.count);
                 *deviation = parted(square, &change, element.count);
             },
         );
@@ -425,16 +473,16 @@ impl Light {
 }
 
 /// What elements with quarters have from these.
-struct Shapes<'a> {
-    radiosity: &'a mut [Bands],
+struct Shapes<'a, const C: usize> {
+    radiosity: &'a mut [[f32; C]],
     irradiance: &'a mut [Bands],
-    slope: &'a mut [[Bands; 2]],
+    slope: &'a mut [[[f32; C]; 2]],
     deviation: &'a mut [[f32; 2]],
     open: &'a mut [f32],
 }
 
-impl Shapes<'_> {
-    fn of(light: &mut Light) -> Shapes<'_> {
+impl<const C: usize> Shapes<'_, C> {
+    fn of(light: &mut Light<C>) -> Shapes<'_, C> {
         Shapes {
             radiosity: &mut light.radiosity,
             irradiance: &mut light.irradiance,
@@ -445,7 +493,7 @@ impl Shapes<'_> {
     }
 }
 
-impl Columns for Shapes<'_> {
+impl<const C: usize> Columns for Shapes<'_, C> {
     fn divide(self, index: usize) -> (Self, Self) {
         let (radiosity, other_radiosity) = self.radiosity.split_at_mut(index);
         let (irradiance, other_irradiance) = self.irradiance.split_at_mut(index);
@@ -466,7 +514,7 @@ impl Columns for Shapes<'_> {
 }
 
 /// Radiosity, irradiance, slope and deviation of an element with quarters, from these.
-fn pull_parent(view: &mut View<Shapes<'_>>, index: usize, elements: &[Element], sloped: bool) {
+fn pull_parent<const C: usize>(view: &mut View<Shapes<'_, C>>, index: usize, elements: &[Element], sloped: bool) {
     let element = &elements[index];
     let quarters = &elements[element.first_child as usize..element.first_child as usize + 4];
     let (of, first) = view.of(element.first_child as usize);
@@ -477,12 +525,10 @@ fn pull_parent(view: &mut View<Shapes<'_>>, index: usize, elements: &[Element], 
         let area = quarters[k].area;
         if open > 0.0 { area * of.open[first + k] / open } else { area / whole }
     });
-    let (mut radiosity, mut irradiance) = ([0.0; 3], [0.0; 3]);
+    let (mut radiosity, mut irradiance) = ([0.0; C], [0.0; 3]);
     for (child, share) in (first..).zip(shares) {
-        for band in 0..3 {
-            radiosity[band] += share * of.radiosity[child][band];
-            irradiance[band] += share * of.irradiance[child][band];
-        }
+        add_times(&mut radiosity, share, &of.radiosity[child]);
+        add_times(&mut irradiance, share, &of.irradiance[child]);
     }
     let mut square = 0.0;
     for (child, share) in (first..).zip(shares) {
@@ -490,9 +536,9 @@ fn pull_parent(view: &mut View<Shapes<'_>>, index: usize, elements: &[Element], 
         let apart = rms(std::array::from_fn(|k| of.radiosity[child][k] - radiosity[k]));
         square += share * (linear * linear + rest * rest + apart * apart);
     }
-    let at = |k: usize, band: usize| of.radiosity[first + k][band];
+    let at = |k: usize, c: usize| of.radiosity[first + k][c];
     let slope = if !sloped {
-        [[0.0; 3]; 2]
+        [[0.0; C]; 2]
     } else if element.count == 4 {
         [
             std::array::from_fn(|k| at(1, k) + at(2, k) - at(0, k) - at(3, k)),
@@ -503,15 +549,18 @@ fn pull_parent(view: &mut View<Shapes<'_>>, index: usize, elements: &[Element], 
     };
     let (of, own) = view.of(index);
     of.open[own] = open / whole;
-    of.slope[own] = limited(slope, radiosity, element.count);
+    of.slope[own] = limited(slope, &radiosity, element.count);
     of.deviation[own] = parted(square, &slope, element.count);
     of.radiosity[own] = radiosity;
     of.irradiance[own] = irradiance;
 }
 
+/// Area, radiosity, irradiance and clamped cosine of a polygon.
+pub(crate) type Root<const C: usize = 3> = (f32, [f32; C], Bands, [f32; 9]);
+
 /// Clusters' sums over the part of the hierarchy below one of them, which comes first.
-pub(crate) struct ClusterSums<'a> {
-    pub(crate) intensity: &'a mut [Directional],
+pub(crate) struct ClusterSums<'a, const C: usize = 3> {
+    pub(crate) intensity: &'a mut [Directional<C>],
     pub(crate) radiosity: &'a mut [f32],
     pub(crate) irradiance: &'a mut [f32],
 }
@@ -519,22 +568,21 @@ pub(crate) struct ClusterSums<'a> {
 /// Clusters from which both halves are summed side by side.
 const PARALLEL: usize = 4096;
 
-impl ClusterSums<'_> {
-    /// Sums up the cluster numbered `first` and all below it. `roots`: area, radiosity, irradiance and clamped cosine of
-    /// the polygons.
-    pub(crate) fn pull(self, first: usize, clusters: &Clusters, roots: &[(f32, Bands, Bands, [f32; 9])]) {
+impl<const C: usize> ClusterSums<'_, C> {
+    /// Sums up the cluster numbered `first` and all below it. `roots`: by polygon.
+    pub(crate) fn pull(self, first: usize, clusters: &Clusters, roots: &[Root<C>]) {
         let ClusterSums { intensity, radiosity, irradiance } = self;
         let node = &clusters.nodes[first];
-        let (mut sum, mut out, mut arriving) = ([[0.0; 3]; 9], 0.0, 0.0);
+        let (mut sum, mut out, mut arriving) = ([[0.0; C]; 9], 0.0, 0.0);
         if node.second == 0 {
             for &polygon in clusters.members(first as u32) {
                 let (area, value, received, cosine) = &roots[polygon as usize];
                 for k in 0..9 {
-                    for band in 0..3 {
-                        sum[k][band] += cosine[k] * area * value[band] * FRAC_1_PI;
+                    for c in 0..C {
+                        sum[k][c] += cosine[k] * area * value[c] * FRAC_1_PI;
                     }
                 }
-                out += area * rms(*value);
+                out += area * rms(bands(value, 0));
                 arriving += area * rms(*received);
             }
         } else {
@@ -558,11 +606,7 @@ impl ClusterSums<'_> {
                 }
             }
             for child in [1, middle] {
-                for k in 0..9 {
-                    for band in 0..3 {
-                        sum[k][band] += intensity[child][k][band];
-                    }
-                }
+                (0..9).for_each(|k| add_times(&mut sum[k], 1.0, &intensity[child][k]));
                 let area = clusters.nodes[first + child].area;
                 out += area * radiosity[child];
                 arriving += area * irradiance[child];
@@ -580,19 +624,14 @@ fn by_kind(links: &[Link]) -> (&[Link], &[Link]) {
 }
 
 /// Adds a field to another.
-fn add(field: &mut Field, more: &Field) {
-    for k in 0..5 {
-        for band in 0..3 {
-            field[k][band] += more[k][band];
-        }
-    }
+pub(crate) fn add<const C: usize>(field: &mut Field<C>, more: &Field<C>) {
+    (0..5).for_each(|k| add_times(&mut field[k], 1.0, &more[k]));
 }
 
 /// A slope that leaves a share of the mean in every corner: light that falls off towards a side steeper than a line is still
 /// light there.
-pub(crate) fn limited(slope: [Bands; 2], radiosity: Bands, count: u8) -> [Bands; 2] {
-    let mut limited = slope;
-    for band in 0..3 {
+pub(crate) fn limited<const C: usize>(slope: [[f32; C]; 2], radiosity: &[f32; C], count: u8) -> [[f32; C]; 2] {
+    let left: Bands = std::array::from_fn(|band| {
         let (s, t) = (slope[0][band], slope[1][band]);
         let deepest = if count == 4 {
             0.5 * (s.abs() + t.abs())
@@ -600,15 +639,13 @@ pub(crate) fn limited(slope: [Bands; 2], radiosity: Bands, count: u8) -> [Bands;
             ((s + t) / 3.0).max(((s + t) / 3.0 - s.min(t)).max(0.0))
         };
         let most = (1.0 - LEAST_LEFT) * radiosity[band].max(0.0);
-        if deepest > most {
-            limited.iter_mut().for_each(|slope| slope[band] *= most / deepest);
-        }
-    }
-    limited
+        if deepest > most { most / deepest } else { 1.0 }
+    });
+    slope.map(|along| std::array::from_fn(|c| along[c] * left[c % 3]))
 }
 
 /// Splits a variance (mean over bands) into what a slope makes of it, and the rest; as deviations.
-fn parted(square: f32, slope: &[Bands; 2], count: u8) -> [f32; 2] {
+fn parted<const C: usize>(square: f32, slope: &[[f32; C]; 2], count: u8) -> [f32; 2] {
     let mut linear = 0.0;
     for band in 0..3 {
         let (s, t) = (slope[0][band], slope[1][band]);

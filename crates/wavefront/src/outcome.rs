@@ -1,7 +1,7 @@
 //! What a solve leaves behind, in the terms of the rest of the system: quadtrees, light, links and clusters by number.
 
 use crate::geometry::NONE;
-use crate::groups::is_whole;
+use crate::leaves::is_whole;
 use crate::light::{Field, mean};
 use crate::link::{CLUSTER, State};
 use crate::solve::Solved;

@@ -5,12 +5,12 @@ use crate::clusters::{Cluster, Clusters};
 use crate::control::Control;
 use crate::geometry::{Geometry, NONE};
 use crate::ideas::Ideas;
-use crate::light::Light;
+use crate::light::{Field, Light};
 use crate::link::{CLUSTER, Link, State};
 use crate::order::Order;
 use crate::outcome::{ClusterColumns, LinkColumns};
-use crate::rounds::{Limit, Transport};
-use crate::solve::{MOST_SETTLES, Solved, settle};
+use crate::rounds::Transport;
+use crate::solve::{Solved, settle};
 use glam::{DVec3, Vec3};
 use isolux_core::scene::Scene;
 use isolux_core::tree::Elements;
@@ -34,10 +34,9 @@ pub struct Remains<'a> {
 }
 
 impl Solved {
-    /// Gathers anew over the links that a solve of the same polygons left behind, with the reflectances and emissions that
-    /// `scene` has now, until the light changes by less than a share of `error`.
+    /// What a solve of the same polygons left behind, with the reflectances and emissions that `scene` has now.
     #[must_use]
-    pub fn regathered(scene: Arc<Scene>, remains: &Remains<'_>, error: f64) -> Solved {
+    pub fn reopened(scene: Arc<Scene>, remains: &Remains<'_>) -> Solved {
         let geometry = Geometry::new(scene.clone());
         let mut elements = geometry.bare_roots();
         // Quarters are appended in the order of their numbers.
@@ -80,11 +79,20 @@ impl Solved {
             evaluated: 0,
             packets: 0,
         };
-        light.settle(&transport.links, remains.limit, &transport.evaluator());
-        // A leaf's limit is a quarter of a link's, see `settle`.
-        let limit = Limit { error: 4.0 * remains.limit, area: 0.0 };
-        settle(&mut light, &transport, limit, scene.area(), error, MOST_SETTLES, &Control::default());
+        let is_leaf = |&(index, _): &(u32, Field)| transport.elements[index as usize].first_child == NONE;
+        let leaves = (0..).zip(remains.fields.iter().copied()).filter(is_leaf).collect();
+        light.correct(leaves, &transport.links, &transport.evaluator());
         Solved { geometry, transport, light, stages: Vec::new(), estimate: None, bound: None, limit: remains.limit }
+    }
+
+    /// Gathers anew over the links that are there until the light changes by less than a share of `error`, or is asked to
+    /// stop.
+    #[must_use]
+    pub fn regathered(mut self, error: f64, control: &Control) -> Solved {
+        let Solved { transport, light, geometry, limit, .. } = &mut self;
+        light.settle(&transport.links, *limit, &transport.evaluator());
+        settle(light, transport, *limit, geometry.scene.area(), error, control);
+        self
     }
 }
 

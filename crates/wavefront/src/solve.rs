@@ -6,7 +6,7 @@ use crate::contacts::{Contacts, mark};
 use crate::control::{Bound, Budget, Control};
 use crate::geometry::{Geometry, NONE};
 use crate::ideas::Ideas;
-use crate::light::{Light, rms};
+use crate::light::{Light, bands, rms};
 use crate::link::CLUSTER;
 use crate::order::Order;
 use crate::rounds::{Limit, Transport};
@@ -117,8 +117,8 @@ const FIRST_SHARE: f64 = 1.0 / 1000.0;
 const MOST_STAGES: usize = 40;
 
 /// Shares of the asked error that stopping early may cost: of the gathers over links, and of those at the leaves.
-pub(crate) const PASS_SHARE: f64 = 0.05;
-pub(crate) const SETTLE_SHARE: f64 = 0.1;
+const PASS_SHARE: f64 = 0.05;
+const SETTLE_SHARE: f64 = 0.1;
 
 /// Elements that one task sums up.
 const SUMMED: usize = 4096;
@@ -127,7 +127,7 @@ const SUMMED: usize = 4096;
 const LEFT_BY_SETTLE: f64 = 0.25;
 
 /// Most gathers at the leaves in a stage.
-pub(crate) const MOST_SETTLES: u32 = 5;
+const MOST_SETTLES: u32 = 5;
 
 /// What links say they leave may be this much above the asked error where rays find that it is reached.
 const SLACK: f64 = 2.5;
@@ -234,8 +234,8 @@ impl Prepared {
                 break;
             }
             let refined = begun.elapsed();
-            let passes = settle(&mut light, &transport, limit, area, request.error, MOST_SETTLES, control);
             settled = leaf_limit(limit);
+            let passes = settle(&mut light, &transport, settled, area, request.error, control);
             mean = mean_irradiance(&light, scene, &transport);
             let left = transport.remaining(&mut light);
             let relative = |square: f64, mean: f64| if mean > 0.0 { (square / area).sqrt() / mean } else { 0.0 };
@@ -352,15 +352,15 @@ fn leaf_limit(limit: Limit) -> f32 {
     0.25 * limit.error
 }
 
-/// Gathers over the links and at the leaves by turns until what a further gather at the leaves would change is little, or so
-/// many times; the numbers of both. What gathers at the leaves find beyond the links stays as those over the links go on.
-pub(crate) fn settle(
-    light: &mut Light,
+/// Gathers over the links and at the leaves by turns until what a further gather at the leaves would change is little, of all
+/// light and of that of each group, or so many times; the numbers of both. What gathers at the leaves find beyond the links
+/// stays as those over the links go on. `limit`: area times squared error that one source may leave on a leaf.
+pub(crate) fn settle<const C: usize>(
+    light: &mut Light<C>,
     transport: &Transport,
-    limit: Limit,
+    limit: f32,
     area: f64,
     error: f64,
-    most: u32,
     control: &Control,
 ) -> [u32; 2] {
     let mut passes = converge(light, transport, PASS_SHARE * error, control);
@@ -369,50 +369,68 @@ pub(crate) fn settle(
         return [passes, settles];
     }
     loop {
-        let before: Vec<f32> = light.radiosity.par_iter().map(|&radiosity| rms(radiosity)).collect();
-        light.settle(&transport.links, leaf_limit(limit), &transport.evaluator());
+        let before = light.radiosity.clone();
+        light.settle(&transport.links, limit, &transport.evaluator());
         settles += 1;
-        let parts: Vec<(f64, f64)> = (transport.elements.par_chunks(SUMMED))
+        // Of each group the square of its change, and the sum of its light.
+        let parts: Vec<Vec<[f64; 2]>> = (transport.elements.par_chunks(SUMMED))
             .zip(light.radiosity.par_chunks(SUMMED))
             .zip(before.par_chunks(SUMMED))
             .map(|((elements, now), before)| {
+                let mut sums = vec![[0.0; 2]; C / 3];
                 let leaves = elements.iter().zip(now).zip(before).filter(|((e, _), _)| e.first_child == NONE);
-                leaves.fold((0.0, 0.0), |(change, sum), ((element, &now), before)| {
-                    let (now, area) = (rms(now), element.area);
-                    (change + f64::from(area * (now - before) * (now - before)), sum + f64::from(area * now))
-                })
+                for ((element, now), before) in leaves {
+                    for (group, [change, sum]) in sums.iter_mut().enumerate() {
+                        let (now, before, area) = (rms(bands(now, group)), rms(bands(before, group)), element.area);
+                        *change += f64::from(area * (now - before) * (now - before));
+                        *sum += f64::from(area * now);
+                    }
+                }
+                sums
             })
             .collect();
-        let (change, sum) = parts.iter().fold((0.0, 0.0), |(change, sum), part| (change + part.0, sum + part.1));
-        let relative = if sum > 0.0 { (change / area).sqrt() / (sum / area) } else { 0.0 };
+        let relative = |group: usize| {
+            let [change, sum] =
+                parts.iter().fold([0.0; 2], |[change, sum], part| [change + part[group][0], sum + part[group][1]]);
+            if sum > 0.0 { (change / area).sqrt() / (sum / area) } else { 0.0 }
+        };
+        let relative = (0..C / 3).map(relative).fold(0.0, f64::max);
         passes += converge(light, transport, PASS_SHARE * error, control);
-        if LEFT_BY_SETTLE * relative < SETTLE_SHARE * error || settles >= most || control.is_stopped() {
+        if LEFT_BY_SETTLE * relative < SETTLE_SHARE * error || settles >= MOST_SETTLES || control.is_stopped() {
             return [passes, settles];
         }
     }
 }
 
-/// Gathers until what further passes would change is below `error` of the mean; returns their number.
-fn converge(light: &mut Light, transport: &Transport, error: f64, control: &Control) -> u32 {
+/// Gathers until what further passes would change is below `error` of the mean, of all light and of that of each group;
+/// returns their number.
+fn converge<const C: usize>(light: &mut Light<C>, transport: &Transport, error: f64, control: &Control) -> u32 {
     let evaluator = transport.evaluator();
-    let total = |light: &Light| -> f64 { f64::from(light.cluster_radiosity[0]) };
-    let (mut before, mut last) = (total(light), f64::INFINITY);
+    // Of the functions of direction the first is the same everywhere: all that is thrown.
+    let totals = |light: &Light<C>| -> Vec<f64> {
+        (0..C / 3).map(|group| f64::from(rms(bands(&light.intensity[0][0], group)))).collect()
+    };
+    let (mut before, mut last) = (totals(light), vec![f64::INFINITY; C / 3]);
     for pass in 1..=MOST_PASSES {
         light.pass(&transport.links, &evaluator);
-        let now = total(light);
-        let change = (now - before).abs();
-        let ratio = if last.is_finite() && last > 0.0 { (change / last).min(0.99) } else { 0.9 };
-        if change == 0.0 || change * ratio / (1.0 - ratio) <= error * now && pass > 2 || control.is_stopped() {
+        let now = totals(light);
+        let changes: Vec<f64> = now.iter().zip(&before).map(|(now, before)| (now - before).abs()).collect();
+        let is_done = |group: usize| {
+            let (change, last) = (changes[group], last[group]);
+            let ratio = if last.is_finite() && last > 0.0 { (change / last).min(0.99) } else { 0.9 };
+            change == 0.0 || change * ratio / (1.0 - ratio) <= error * now[group] && pass > 2
+        };
+        if (0..C / 3).all(is_done) || control.is_stopped() {
             return pass;
         }
-        (before, last) = (now, change);
+        (before, last) = (now, changes);
     }
     MOST_PASSES
 }
 
 /// Passes after which gathering is taken to have converged: with 0.95 of the light kept by each, 1 % of the first change
 /// is left after 90.
-pub(crate) const MOST_PASSES: u32 = 100;
+const MOST_PASSES: u32 = 100;
 
 /// The error that is claimed: what rays found, a standard error of it added; where they cannot tell it from their own noise,
 /// half of what links say at least, but no more than what rays found with two standard errors.

@@ -3,7 +3,7 @@
 
 use crate::evaluate::Evaluator;
 use crate::geometry::NONE;
-use crate::light::{Bands, ClusterSums, Directional, Light, rms};
+use crate::light::{Bands, ClusterSums, Directional, Light, Root, rms};
 use crate::link::{CLUSTER, Link};
 use crate::order::View;
 use crate::rounds::Transport;
@@ -125,7 +125,7 @@ fn push(sums: &mut [Bands], evaluator: &Evaluator<'_>) {
 
 /// What clusters throw, by direction.
 fn intensities(thrown: &[Bands], evaluator: &Evaluator<'_>) -> Vec<Directional> {
-    let roots: Vec<(f32, Bands, Bands, [f32; 9])> = (0..evaluator.geometry.surfaces.len())
+    let roots: Vec<Root> = (0..evaluator.geometry.surfaces.len())
         .into_par_iter()
         .with_min_len(1024)
         .map(|polygon| {

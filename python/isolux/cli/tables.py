@@ -185,16 +185,13 @@ def relit(report: Report, target: str) -> Table:
 
 
 def _groups(groups: GroupsReport) -> str:
-    """How many, of what, and whether they can be dimmed."""
+    """How many, and of what."""
     why = {
         "object": "by object",
         "material": "by material, since more than 32 objects emit",
         "all": "all lights in one, since more than 32 objects and materials emit",
     }
-    text = f"{len(groups.groups):,}, {why[groups.by]}"
-    if groups.lacking is not None:
-        return f"{text}; cannot be dimmed: {groups.lacking}"
-    return f"{text} ({groups.bytes / 2**20:,.1f} MiB)" if groups.bytes else text
+    return f"{len(groups.groups):,}, {why[groups.by]}"
 
 
 def _weight(weight: Bands) -> str:
