@@ -342,6 +342,9 @@ fn emitted(
         if rise <= geometry.tolerance || fall <= geometry.tolerance {
             continue;
         }
+        if geometry.overlaps.on_top(emitter, place).is_some() {
+            continue;
+        }
         let passes = geometry.passes_between(point, normal, place, surface.normal, stream);
         let length = square.sqrt();
         let counts = 1.0 - emitters.by_direction(emitter, rise / length, fall / length, square);
