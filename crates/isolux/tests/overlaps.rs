@@ -125,12 +125,9 @@ fn furnished(cut: bool) -> SceneInput {
         input.face(object, material, &corners);
     };
     if cut {
-        for (low, high) in [
-            ([0.0, 0.0], [2.0, 0.4]),
-            ([0.0, 0.4], [0.3, 1.0]),
-            ([1.1, 0.4], [2.0, 1.0]),
-            ([0.0, 1.0], [2.0, 1.5]),
-        ] {
+        for (low, high) in
+            [([0.0, 0.0], [2.0, 0.4]), ([0.0, 0.4], [0.3, 1.0]), ([1.1, 0.4], [2.0, 1.0]), ([0.0, 1.0], [2.0, 1.5])]
+        {
             tile(floor, paint, low, high);
         }
     } else {
@@ -217,9 +214,14 @@ fn rays_meet_the_last_of_several_faces() {
             };
             for eye in [v(0.7, 2.0, 0.4), v(1.3, -2.0, 0.2)] {
                 let met = tracer.closest(eye, (towards - eye).normalize(), f64::INFINITY);
-                assert_eq!(met.map(|met| met.polygon), expected, "{turned} {two_sided} {x}");
-                let from_above = eye.y > 0.0;
-                assert!(met.is_none_or(|met| met.front_facing == (from_above != turned)));
+                let is_front = (eye.y > 0.0) != turned;
+                assert!(met.is_none_or(|met| met.front_facing == is_front));
+                // Black backs are as good as each other.
+                if is_front || two_sided {
+                    assert_eq!(met.map(|met| met.polygon), expected, "{turned} {two_sided} {x}");
+                } else {
+                    assert_eq!(met.is_some(), expected.is_some());
+                }
             }
         }
     }
@@ -251,7 +253,8 @@ fn of_faces_back_to_back_rays_meet_the_one_that_faces_them() {
         let energy = report.energy.as_ref().unwrap();
         println!("{own_first}: {energy:?} {:?} {:?}", report.error_estimate, report.status);
         assert_eq!(report.status, Status::Converged);
-        assert!(energy.imbalance.abs() < 0.01 && energy.lost_to_backs.mean() == 0.0, "{own_first}: {energy:?}");
+        // The lamp's own back takes 1.6 %.
+        assert!(energy.imbalance.abs() < 0.01 && energy.lost_to_backs.mean() < 0.05, "{own_first}: {energy:?}");
     }
 }
 
@@ -276,7 +279,7 @@ fn a_lamp_under_a_later_face_is_dark() {
     let share = absorbed(&half) / absorbed(&open);
     println!("{share} {:?}", half.report().energy);
     assert!((share - 0.5).abs() < 0.01, "{share}");
-    assert!(imbalance(&half) < 0.01 , "{:?}", half.report().energy);
+    assert!(imbalance(&half) < 0.01, "{:?}", half.report().energy);
     assert_eq!(absorbed(&solution(Some(1.0))), 0.0);
 }
 
@@ -288,10 +291,11 @@ fn a_covered_face_shows_the_light_of_what_covers_it() {
     input.face(floor.object, floor.material, &floor.corners);
     let solution = solved(&scene(input), &asked(0.05));
     let mesh = solution.mesh();
-    // The floor, and the copy that lies on it.
-    for vertex in mesh.vertices_of(2) {
+    // The floor, of one leaf as nothing arrives there, and the copy that lies on it.
+    let corners = mesh.vertices_of(2).filter(|&vertex| floor.corners.contains(&mesh.positions[vertex]));
+    for vertex in corners {
         let shown = mesh.irradiance[vertex].mean();
         let on_top = values(&solution, &[(mesh.positions[vertex], DVec3::Y)])[0];
-        assert!((shown / on_top - 1.0).abs() < 0.05, "{}: {shown}, {on_top}", mesh.positions[vertex]);
+        assert!((shown / on_top - 1.0).abs() < 0.02, "{}: {shown}, {on_top}", mesh.positions[vertex]);
     }
 }

@@ -250,9 +250,16 @@ impl Evaluator<'_> {
             let (to, two, target) = sample(b, pairing(k), [u, v], f, self.clusters, self.elements);
             let [normal, other] = [one, two].map(|polygon| self.geometry.surfaces[polygon as usize].normal);
             (starts[k], ends[k]) = (place, target);
-            under[0] |= u32::from(hidden[0] && self.is_under(one, from)) << k;
-            under[1] |= u32::from(hidden[1] && self.is_under(two, to)) << k;
+            if hidden[0] || hidden[1] {
+                under[0] |= u32::from(self.is_under(one, from)) << k;
+                under[1] |= u32::from(self.is_under(two, to)) << k;
+            }
             packet.set(k, from, normal, to, other, tolerance);
+            // Members of a group that other faces lie on altogether are not among those that it speaks of.
+            let counts = |polygon: u32| self.geometry.counted_area(&self.elements[polygon as usize]) > 0.0;
+            if under[0] >> k & 1 == 1 && !counts(one) || under[1] >> k & 1 == 1 && !counts(two) {
+                packet.weights[k] = 0.0;
+            }
         }
         if !self.ideas.weighted_rays {
             packet.count_alike();

@@ -174,8 +174,19 @@ impl Geometry {
         let bvh = Bvh8::build(&primitives);
         let backend = Backend::best();
         let (contacts, overlaps) = (Contacts::default(), Overlaps::default());
-        let mut geometry =
-            Geometry { scene, middle, tolerance, surfaces, bvh, polygon_of, primitives, opaque, backend, contacts, overlaps };
+        let mut geometry = Geometry {
+            scene,
+            middle,
+            tolerance,
+            surfaces,
+            bvh,
+            polygon_of,
+            primitives,
+            opaque,
+            backend,
+            contacts,
+            overlaps,
+        };
         geometry.overlaps = Overlaps::new(&geometry);
         geometry
     }
@@ -238,6 +249,11 @@ impl Geometry {
         let point = Vec3::from(shape.origin) + Vec3::from(shape.u) * u + Vec3::from(shape.v) * v;
         let uv = polygon.texture_coordinates(point.as_dvec3() + self.middle);
         uv.is_none_or(|uv| self.scene.masks[mask as usize].is_solid(uv))
+    }
+
+    /// Area of a polygon as groups of polygons count it, m²: none where other faces lie on all of it.
+    pub(crate) fn counted_area(&self, root: &Element) -> f32 {
+        if root.open == 0 && self.overlaps.any(root.polygon) { 0.0 } else { root.area }
     }
 
     /// The lit side that a ray meets which hits a front, from either side, at a place; nothing for a black back. And whether

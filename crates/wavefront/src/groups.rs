@@ -683,7 +683,7 @@ impl<'a> Frame<'a> {
             }
             for &polygon in clusters.members(index as u32) {
                 let polygon = polygon as usize;
-                let area = self.evaluator.elements[polygon].area;
+                let area = self.evaluator.geometry.counted_area(&self.evaluator.elements[polygon]);
                 let cosine = clamped_cosine(surfaces[polygon].normal.to_array());
                 (0..9).for_each(|k| add(&mut sum[k], cosine[k] * area * FRAC_1_PI, &radiosity[polygon]));
             }

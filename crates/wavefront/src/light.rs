@@ -374,7 +374,7 @@ impl Light {
             .with_min_len(1024)
             .map(|polygon| {
                 let cosine = clamped_cosine(geometry.surfaces[polygon].normal.to_array());
-                (elements[polygon].area, self.radiosity[polygon], self.irradiance[polygon], cosine)
+                (geometry.counted_area(&elements[polygon]), self.radiosity[polygon], self.irradiance[polygon], cosine)
             })
             .collect();
         let sums = ClusterSums {

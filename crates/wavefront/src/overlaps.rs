@@ -192,9 +192,8 @@ fn overlap(one: u32, other: u32, geometry: &Geometry, corners: &[[Vec3; 4]]) -> 
     }
     // Convex polygons are apart if all of one lies beyond a side of the other.
     let reaches = |p: &[Vec3], normal: Vec3, q: &[Vec3]| {
-        inward(p, normal).all(|(corner, inward)| {
-            q.iter().any(|&place| inward.dot(place - corner) > DEPTH * geometry.tolerance)
-        })
+        inward(p, normal)
+            .all(|(corner, inward)| q.iter().any(|&place| inward.dot(place - corner) > DEPTH * geometry.tolerance))
     };
     reaches(p, one.normal, q) && reaches(q, other.normal, p)
 }
