@@ -280,7 +280,8 @@ fn a_lamp_under_a_later_face_is_dark() {
     println!("{share} {:?}", half.report().energy);
     assert!((share - 0.5).abs() < 0.01, "{share}");
     assert!(imbalance(&half) < 0.01, "{:?}", half.report().energy);
-    assert_eq!(absorbed(&solution(Some(1.0))), 0.0);
+    // What was guessed to begin with has died away.
+    assert!(absorbed(&solution(Some(1.0))) < 1e-9 * absorbed(&open));
 }
 
 /// Catches black faces in lit files, where a viewer may draw either of two that lie in one place.

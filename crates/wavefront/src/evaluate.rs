@@ -300,7 +300,7 @@ impl Evaluator<'_> {
     }
 
     /// May another face lie on some of a node, in its plane?
-    fn may_be_hidden(&self, node: u32) -> bool {
+    pub(crate) fn may_be_hidden(&self, node: u32) -> bool {
         let overlaps = &self.geometry.overlaps;
         if overlaps.is_empty() {
             return false;
