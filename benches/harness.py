@@ -103,6 +103,21 @@ class Surfaces:
         turned = np.sign(direction @ self.normals.T)
         return np.asarray(np.where(met, turned, 0.0).sum(axis=1) < 0)
 
+    def hidden(self, face: Ints, place: Floats) -> NDArray[np.bool_]:
+        """Whether a later triangle that faces the same way lies on places (n,) of these faces, in their plane."""
+        normals, hidden = self.normals, np.zeros(len(face), bool)
+        level = np.einsum("ix,ix->i", normals, self.triangles[:, 0])
+        # A micrometre, as in `apart`.
+        near = 1e-6
+        for k, (own, point) in enumerate(zip(face, place, strict=True)):
+            later = own + 1 + np.flatnonzero(np.abs(normals[own + 1 :] @ point - level[own + 1 :]) < near)
+            later = later[normals[later] @ normals[own] > 1 - near]
+            corners = self.triangles[later]
+            sides = np.roll(corners, -1, axis=1) - corners
+            heights = np.einsum("tkx,tx->tk", np.cross(sides, point - corners), normals[later])
+            hidden[k] = (heights > 0).all(axis=1).any()
+        return hidden
+
     def _cross(self) -> Floats:
         a, b, c = self.triangles.transpose(1, 0, 2)
         return np.asarray(np.cross(b - a, c - a))
@@ -207,13 +222,16 @@ class Case:
 
         Light reaches no point at exactly 0. It counts, as a dark place, if it looks into a space that the
         scene's JSON lists as `black` (scenes/leaks) and that is not the inside of something solid; something
-        lies on all others.
+        lies on all others. Where the JSON says that faces lie on each other (`overlaps`), points under a later
+        one do not count, whatever the tracer found there.
         """
         unlit = reference.unlit
-        record = self.scene.with_suffix(".json") if self.scene is not None else None
-        spaces = []
-        if unlit.any() and record is not None and record.exists():
-            spaces = json.loads(record.read_text(encoding="utf-8")).get("black", [])
+        path = self.scene.with_suffix(".json") if self.scene is not None else None
+        record = json.loads(path.read_text(encoding="utf-8")) if path is not None and path.exists() else {}
+        if self.scene is not None and record.get("overlaps", False):
+            surfaces = read_glb(self.scene)
+            unlit |= surfaces.hidden(reference.face, surfaces.at(reference.face, reference.bary))
+        spaces = record.get("black", []) if unlit.any() else []
         if not spaces or self.scene is None:
             return np.asarray(~unlit)
         surfaces = read_glb(self.scene)
