@@ -222,16 +222,13 @@ class Case:
 
         Light reaches no point at exactly 0. It counts, as a dark place, if it looks into a space that the
         scene's JSON lists as `black` (scenes/leaks) and that is not the inside of something solid; something
-        lies on all others. Where the JSON says that faces lie on each other (`overlaps`), points under a later
-        one do not count, whatever the tracer found there.
+        lies on all others.
         """
         unlit = reference.unlit
-        path = self.scene.with_suffix(".json") if self.scene is not None else None
-        record = json.loads(path.read_text(encoding="utf-8")) if path is not None and path.exists() else {}
-        if self.scene is not None and record.get("overlaps", False):
-            surfaces = read_glb(self.scene)
-            unlit |= surfaces.hidden(reference.face, surfaces.at(reference.face, reference.bary))
-        spaces = record.get("black", []) if unlit.any() else []
+        record = self.scene.with_suffix(".json") if self.scene is not None else None
+        spaces = []
+        if unlit.any() and record is not None and record.exists():
+            spaces = json.loads(record.read_text(encoding="utf-8")).get("black", [])
         if not spaces or self.scene is None:
             return np.asarray(~unlit)
         surfaces = read_glb(self.scene)
