@@ -227,37 +227,6 @@ fn rays_meet_the_last_of_several_faces() {
     }
 }
 
-/// Two rooms with a wall of no thickness between them, of a polygon for each room; the lamp is in the room beyond it.
-fn divided(own_first: bool) -> Arc<Scene> {
-    let mut input = empty();
-    let (walls, lamp) = (input.object("walls"), input.object("lamp"));
-    let (paint, glow) = (input.material("paint", grey(0.7, 0.0)), input.material("glow", grey(0.0, 10.0)));
-    input.inside_of_box(walls, paint, v(0.0, 0.0, 0.0), v(4.0, 1.0, 1.5));
-    let (low, high, y) = (2.5, 3.0, 0.9);
-    input.face(lamp, glow, &[v(low, y, 0.5), v(high, y, 0.5), v(high, y, 1.0), v(low, y, 1.0)]);
-    let towards_lamp = [v(2.0, 0.0, 0.0), v(2.0, 1.0, 0.0), v(2.0, 1.0, 1.5), v(2.0, 0.0, 1.5)];
-    let mut away = towards_lamp;
-    away.reverse();
-    for corners in if own_first { [towards_lamp, away] } else { [away, towards_lamp] } {
-        input.face(walls, paint, &corners);
-    }
-    scene(input)
-}
-
-/// Catches rays that meet the back of a wall of which the other polygon faces them, whichever comes first.
-#[test]
-fn of_faces_back_to_back_rays_meet_the_one_that_faces_them() {
-    for own_first in [true, false] {
-        let solution = solved(&divided(own_first), &asked(0.03));
-        let report = solution.report();
-        let energy = report.energy.as_ref().unwrap();
-        println!("{own_first}: {energy:?} {:?} {:?}", report.error_estimate, report.status);
-        assert_eq!(report.status, Status::Converged);
-        // The lamp's own back takes 1.6 %.
-        assert!(energy.imbalance.abs() < 0.01 && energy.lost_to_backs.mean() < 0.05, "{own_first}: {energy:?}");
-    }
-}
-
 /// Catches a lamp that shines through what lies on it, and a lid that is lit from below.
 #[test]
 fn a_lamp_under_a_later_face_is_dark() {

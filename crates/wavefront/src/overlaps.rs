@@ -3,8 +3,7 @@
 //!
 //! **The rule.** Of opaque faces that lie in one plane and face the same way, the later one in the scene's order lies on
 //! top: where it is, the earlier one is covered. Faces with a mask, or that let light pass, cover nothing. A face that faces
-//! the other way covers nothing either, and the black back of a face without a lit one is met only where none of the others
-//! faces the ray.
+//! the other way covers nothing either. A black back is met only where no lit back of a polygon that faces as its own lies.
 //!
 //! A **face** here is a side that surfaces have, by its number, or the black back of a front without a lit one. Most scenes
 //! have none that overlap, and nothing to ask.
@@ -94,9 +93,9 @@ impl Overlaps {
                     match (own, other) {
                         (Some(own), Some(other)) => put(own, later, other),
                         // Here one of them is a black back, which the lit side of the other lies on.
-                        (None, Some(other)) => put(sides + earlier, later, other),
-                        (Some(own), None) => put(sides + later, earlier, own),
-                        (None, None) => {}
+                        (None, Some(other)) if alike => put(sides + earlier, later, other),
+                        (Some(own), None) if alike => put(sides + later, earlier, own),
+                        _ => {}
                     }
                 }
             }
