@@ -78,7 +78,6 @@ fn faces_in_one_place_count_once() {
         let solution = solved(&twice, &asked(error));
         assert_eq!(solution.report().status, Status::Converged);
         let (off, claimed) = (apart(&solution, &exact), solution.report().error_estimate.unwrap().total);
-        println!("{error}: off {off}, claimed {claimed}, imbalance {}", imbalance(&solution));
         assert!(off < error, "{error}: {off}");
         assert!((0.5..2.0).contains(&(claimed / off)), "{error}: off by {off}, claimed {claimed}");
         assert!(imbalance(&solution) < 0.01, "{error}: {:?}", solution.report().energy);
@@ -106,7 +105,6 @@ fn a_wall_that_is_there_twice_changes_nothing() {
         }
         let solution = solved(&scene(input), &asked(0.03));
         let off = apart(&solution, &single);
-        println!("{copies}: off {off}, imbalance {}", imbalance(&solution));
         assert!(off < 0.03 * std::f64::consts::SQRT_2, "{copies}: {off}");
         assert!(imbalance(&solution) < 0.01, "{copies}: {:?}", solution.report().energy);
     }
@@ -145,7 +143,6 @@ fn a_rug_is_as_good_as_a_hole_of_its_shape() {
         let solution = solved(&scene(furnished(false)), &asked(error));
         assert_eq!(solution.report().status, Status::Converged);
         let off = apart(&solution, &cut);
-        println!("{error}: off {off}, claimed {:?}", solution.report().error_estimate);
         assert!(off < error, "{error}: {off}");
         assert!(imbalance(&solution) < 0.01, "{:?}", solution.report().energy);
     }
@@ -246,7 +243,6 @@ fn a_lamp_under_a_later_face_is_dark() {
     let (open, half) = (solution(None), solution(Some(0.5)));
     // A black lamp, and half of it one that reflects half: there is a little more than half.
     let share = absorbed(&half) / absorbed(&open);
-    println!("{share} {:?}", half.report().energy);
     assert!((share - 0.5).abs() < 0.01, "{share}");
     assert!(imbalance(&half) < 0.01, "{:?}", half.report().energy);
     // What was guessed to begin with has died away.

@@ -96,7 +96,6 @@ fn what_is_there_twice_is_there_once() {
         twice.faces.extend(input.faces.iter().cloned());
         let (once, twice) = (Lit::solved(built(input), Ideas::default()), Lit::solved(built(twice), Ideas::default()));
         let off = difference(&twice, &once);
-        println!("{seed}: {off}");
         // Two errors of no more than was asked for each, as above.
         assert!(off < SQRT_2 * ERROR, "room {seed}: {off}");
     }
