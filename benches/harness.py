@@ -104,7 +104,7 @@ class Surfaces:
         return np.asarray(np.where(met, turned, 0.0).sum(axis=1) < 0)
 
     def hidden(self, face: Ints, place: Floats) -> NDArray[np.bool_]:
-        """Whether a later triangle that faces the same way lies on places (n,) of these faces, in their plane."""
+        """Whether a later triangle that faces the same way lies on places (n,) of faces, in their plane."""
         normals, hidden = self.normals, np.zeros(len(face), bool)
         level = np.einsum("ix,ix->i", normals, self.triangles[:, 0])
         # A micrometre, as in `apart`.

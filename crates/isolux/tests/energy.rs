@@ -117,7 +117,7 @@ fn a_box_without_a_lid_loses_what_paths_say() {
 fn with_the_papers_schedule_faces_in_one_place_count_twice() {
     let solution = solved(&shipped("leaks/coplanar"), &Settings { error: 0.1, ..paper() });
     let energy = energy(&solution);
-    // Measured 0.18 to 0.2.
+    // Measured 0.176.
     assert!((0.15..0.25).contains(&energy.imbalance), "{energy:?}");
 }
 

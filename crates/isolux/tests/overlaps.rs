@@ -39,7 +39,7 @@ fn values(solution: &Solution, places: &[(DVec3, DVec3)]) -> Vec<f64> {
             let inside = weights.iter().all(|&weight| weight >= -1e-9) && unit.dot(point - a).abs() < 1e-6;
             (inside && unit.dot(up) > 0.9).then_some((face as u32, weights))
         };
-        let (face, at) = scene.triangles.iter().enumerate().filter_map(holds).last().unwrap();
+        let (face, at) = scene.triangles.iter().enumerate().rev().find_map(holds).unwrap();
         solution.irradiance_at(face, at).unwrap().mean()
     };
     places.iter().map(at).collect()
