@@ -103,6 +103,21 @@ class Surfaces:
         turned = np.sign(direction @ self.normals.T)
         return np.asarray(np.where(met, turned, 0.0).sum(axis=1) < 0)
 
+    def hidden(self, face: Ints, place: Floats) -> NDArray[np.bool_]:
+        """Whether a later triangle that faces the same way lies on places (n,) of faces, in their plane."""
+        normals, hidden = self.normals, np.zeros(len(face), bool)
+        level = np.einsum("ix,ix->i", normals, self.triangles[:, 0])
+        # A micrometre, as in `apart`.
+        near = 1e-6
+        for k, (own, point) in enumerate(zip(face, place, strict=True)):
+            later = own + 1 + np.flatnonzero(np.abs(normals[own + 1 :] @ point - level[own + 1 :]) < near)
+            later = later[normals[later] @ normals[own] > 1 - near]
+            corners = self.triangles[later]
+            sides = np.roll(corners, -1, axis=1) - corners
+            heights = np.einsum("tkx,tx->tk", np.cross(sides, point - corners), normals[later])
+            hidden[k] = (heights > 0).all(axis=1).any()
+        return hidden
+
     def _cross(self) -> Floats:
         a, b, c = self.triangles.transpose(1, 0, 2)
         return np.asarray(np.cross(b - a, c - a))

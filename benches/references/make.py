@@ -19,6 +19,8 @@ Needs NumPy and Mitsuba 3 (`pip install mitsuba`), which brings the ray tracer (
 - First samples of a path are a lattice, shifted at random for every point and batch; batches are
   independent, so that their spread gives the standard error of each point.
 - What is black by geometry (`black` there) is checked, and stored as exactly 0.
+- Of faces that lie on each other, facing the same way, a path meets either: they have to reflect alike and
+  emit nothing. What a later one in the file covers is stored as exactly 0.
 """
 
 from __future__ import annotations
@@ -67,8 +69,9 @@ BEFORE = 1e-3
 STORED = ("room", "two_rooms", "gallery", "lamps", "corridor", "cornell", "furnace")
 LEAKS = ("thin_wall", "slit", "contact", "coplanar")
 GENERATED = ("objects", "city")
-#: Scenes where random places seldom see each other: paths alone.
-UNLINKED = ("city",)
+#: Scenes where random places seldom see each other, or lie on each other, so that they would count twice:
+#: paths alone.
+UNLINKED = ("city", "coplanar")
 #: Fractional parts of powers of 1/g, g^6 = g + 1: a lattice in 5 dimensions (Roberts 2018).
 GOLDEN = 1.1347241384015194
 
@@ -454,6 +457,8 @@ def make(name: str, seconds: float, target: float, batches: int | None) -> None:
         if through > LARGEST_BLACK:
             raise SystemExit(f"{name}: {through:.2g} of the mean where geometry says 0")
         mean[black] = error[black] = 0.0
+    hidden = surfaces.hidden(face, place)
+    mean[hidden] = error[hidden] = 0.0
     if name == "furnace":
         exact = next(a["value"] for a in record["known_answers"] if a["quantity"].startswith("irradiance"))
         print(f"furnace: traced mean {mean.mean():.6f}, exact {exact}")
@@ -476,7 +481,7 @@ def make(name: str, seconds: float, target: float, batches: int | None) -> None:
         f"{100 * whole / mean.mean():.2f} %",
         f"{level:,.4g}",
         f"{100 * half / level:.2f} %" if level > 0 else "-",
-        f"{black.sum()}",
+        f"{(black | hidden).sum()}",
         f"{done * PATHS:,}",
         f"{spent:.0f}",
     ]

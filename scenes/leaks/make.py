@@ -3,7 +3,7 @@
 `black` in NAME.json lists boxes (low, high, metres): the irradiance of every point of a front is exactly 0 if
 the place 1 mm before it lies in one. `slits` lists the openings through which light gets, each by a corner
 and two sides whose vector product points to the dark half. All fronts of `coplanar` that lie on each other
-reflect alike, so that both get what one would get.
+reflect alike, so that it does not matter which of them a ray meets.
 """
 
 from __future__ import annotations
@@ -96,13 +96,13 @@ def coplanar() -> None:
     for name, low, high in (("north piece", 0.0, 1.75), ("south piece", 1.25, SOUTH)):
         scene.add(name, Mesh().rectangle(WHITE, "-x", (EAST, 0, low), (EAST, HEIGHT, high)))
     answer = {
-        "quantity": "irradiance of faces that lie on each other",
-        "value": "equal",
+        "quantity": "irradiance of the later of faces that lie on each other",
+        "value": "that without the earlier one",
         "unit": "lm/m2",
-        "formula": "both see the same, and reflect alike",
+        "formula": "the later face covers the earlier one, and reflects alike",
         "source": "geometry; so all is as it were without the rug, and with a wall of one piece",
     }
-    scene.write(HERE / "make.py", closed=True, closed_note=CLOSED, known_answers=[answer])
+    scene.write(HERE / "make.py", closed=True, closed_note=CLOSED, known_answers=[FLUX_IS_ABSORBED, answer])
 
 
 if __name__ == "__main__":

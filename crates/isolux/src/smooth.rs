@@ -137,8 +137,25 @@ pub(crate) fn blend(
         sums[site] += isolux_wavefront::irradiance_in(corners, normal, plan.positions()[site], &fields[leaf.index()]);
         around[site].add(leaf, elements, light);
     }
-    let values = sums.iter().zip(&around).map(|(&sum, around)| sum / f64::max(around.count, 1.0)).collect();
+    let value = |site: usize| {
+        if around[site].count > 0.0 {
+            return sums[site] / around[site].count;
+        }
+        let Some((side, position)) = on_top(&plan, tracer, elements, site) else { return Rgb::ZERO };
+        let normal = scene.polygons[side as usize].plane.normal;
+        isolux_wavefront::irradiance_at(elements, fields, side, normal, position)
+    };
+    let values = (0..plan.vertices()).map(value).collect();
     uncovered(plan, tracer, elements, values, &around, watch)
+}
+
+/// The side that lies on a vertex in its plane, and where. A covered face then shows the light of what covers it: they are in
+/// one place, and a viewer may draw either.
+fn on_top(plan: &SmoothPlan<'_>, tracer: &Tracer, elements: &Elements, site: usize) -> Option<(u32, DVec3)> {
+    let Site { position, leaf } = plan.sites()[site];
+    let own = elements.get(leaf).polygon;
+    let side = tracer.on_top(own, position);
+    (side != own).then_some((side, position))
 }
 
 /// Open leaves around a vertex.
@@ -225,13 +242,18 @@ impl Gathering<'_> {
         let gather = FinalGather::new(tracer, self.rays, 1);
         let value = |site: usize| {
             let Site { position, leaf } = plan.sites()[site];
-            let polygon = elements.get(leaf).polygon;
             let Around { count, towards, .. } = around[site];
-            if count == 0.0 || !self.active[polygon as usize] {
+            let (polygon, position) = if count == 0.0 {
+                let Some(top) = on_top(&plan, tracer, elements, site) else { return Rgb::ZERO };
+                top
+            } else if is_border[site] {
+                (elements.get(leaf).polygon, positions[site] + (towards / count - positions[site]) * INSET)
+            } else {
+                (elements.get(leaf).polygon, position)
+            };
+            if !self.active[polygon as usize] {
                 return Rgb::ZERO;
             }
-            let position =
-                if is_border[site] { positions[site] + (towards / count - positions[site]) * INSET } else { position };
             let mut stream = Stream::new(mix(self.seed ^ VERTICES) ^ site as u64);
             gather.irradiance(position, polygon, 0, &mut stream, solved)
         };

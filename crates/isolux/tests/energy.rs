@@ -5,7 +5,7 @@
 mod common;
 
 use common::inputs::{Make, box_faces, empty, grey, v};
-use common::{draft, path_ends, scene, shipped, solved};
+use common::{draft, paper, path_ends, scene, shipped, solved};
 use isolux::core::scene::SceneInput;
 use isolux::{Changes, Energy, Settings, Solution};
 
@@ -110,16 +110,15 @@ fn a_box_without_a_lid_loses_what_paths_say() {
     }
 }
 
-/// A known gap, asserted to persist: where faces lie on each other and face the same way, all of them receive light and throw
-/// it, so that it is there twice. The balance tells. The rug and the overlap of the wall's pieces are 5 % of all surfaces, in
-/// the brightest places.
+/// A known gap of the paper's schedule, asserted to persist: where faces lie on each other and face the same way, all of them
+/// receive light and throw it, so that it is there twice. The balance tells. The rug and the overlap of the wall's pieces are
+/// 5 % of all surfaces, in the brightest places. With `wavefront` the later one counts alone (`overlaps.rs`).
 #[test]
-fn faces_in_one_place_count_twice() {
-    let solution = solved(&shipped("leaks/coplanar"), &asked(0.1));
+fn with_the_papers_schedule_faces_in_one_place_count_twice() {
+    let solution = solved(&shipped("leaks/coplanar"), &Settings { error: 0.1, ..paper() });
     let energy = energy(&solution);
-    // Measured 0.194; 0.202 when asked for 0.03.
+    // Measured 0.176.
     assert!((0.15..0.25).contains(&energy.imbalance), "{energy:?}");
-    assert_eq!(lost(&energy), (0.0, 0.0));
 }
 
 /// Catches links that count light twice or not at all: what all links of a leaf account for is all of a closed room, and as

@@ -385,6 +385,46 @@ fn shell(middle: Point, size: f32, turn: f32) -> (Vec<Primitive>, Vec<[Point; 2]
 }
 
 #[test]
+fn what_lies_near_a_plane_is_found() {
+    // Catches a child that is passed by, a bound on the wrong side, and an answer of all there is.
+    let mut random = Random(5);
+    let mut all = Vec::new();
+    for _ in 0..500 {
+        let at = random.point(1.0);
+        let (u, v) = (random.point(0.1), random.point(0.1));
+        all.push(Primitive { origin: at, u, v, parallelogram: random.point(1.0)[0] > 0.0, opaque: true });
+    }
+    let bvh = Bvh8::build(&all);
+    let dot = |a: Point, b: Point| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    let mut most = 0;
+    for _ in 0..200 {
+        let (middle, normal) = (random.point(1.0), random.point(1.0));
+        let length = dot(normal, normal).sqrt();
+        let normal: Point = std::array::from_fn(|axis| normal[axis] / length);
+        let (low, high) = (middle.map(|x| x - 0.2), middle.map(|x| x + 0.2));
+        let offset = dot(normal, middle);
+        let mut found = vec![0; all.len()];
+        bvh.near_plane(low, high, [normal[0], normal[1], normal[2], offset], 0.01, &mut |k| found[k as usize] += 1);
+        for (primitive, &found) in all.iter().zip(&found) {
+            let Primitive { origin, u, v, parallelogram, .. } = *primitive;
+            let at = |s: f32, t: f32| -> Point { std::array::from_fn(|axis| origin[axis] + s * u[axis] + t * v[axis]) };
+            let mut corners = vec![at(0.0, 0.0), at(1.0, 0.0), at(0.0, 1.0)];
+            if parallelogram {
+                corners.push(at(1.0, 1.0));
+            }
+            let meets = (0..3).all(|axis| {
+                corners.iter().any(|c| c[axis] <= high[axis]) && corners.iter().any(|c| c[axis] >= low[axis])
+            });
+            let heights = || corners.iter().map(|&corner| dot(normal, corner) - offset);
+            let is_near = meets && heights().any(|h| h <= 0.01) && heights().any(|h| h >= -0.01);
+            assert!(found <= 1 && (found == 1 || !is_near));
+        }
+        most = most.max(found.iter().sum());
+    }
+    assert!((1..200).contains(&most), "{most}");
+}
+
+#[test]
 fn no_light_passes_between_neighbours() {
     // Catches an edge test that rounds differently for two primitives with a common edge, whole or in part.
     for (middle, size) in [

@@ -354,7 +354,7 @@ fn emitted(
             let place = even_point_of(element, [0, 1].map(|side| (start[side] + index * STEPS[side]).fract() as f32));
             packet.set(ray, point, normal, place, surface.normal, geometry.tolerance);
             let weight = packet.weights[ray];
-            if weight <= 0.0 {
+            if weight <= 0.0 || geometry.overlaps.on_top(emitter, place).is_some() {
                 continue;
             }
             let towards = place - point;

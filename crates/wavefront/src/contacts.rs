@@ -6,6 +6,7 @@
 
 use crate::clusters::Clusters;
 use crate::geometry::{Element, Geometry, NONE};
+use crate::packed::{Extent, Packed};
 use crate::rays::own_point;
 use crate::read::quadrant;
 use glam::Vec3;
@@ -14,29 +15,15 @@ use rayon::prelude::*;
 /// A segment in the plane of a polygon.
 type Line = [Vec3; 2];
 
+impl Extent for Line {
+    fn extent(&self) -> (Vec3, Vec3) {
+        (self[0].min(self[1]), self[0].max(self[1]))
+    }
+}
+
 /// Segments in the planes of polygons, by polygon.
 #[derive(Clone, Default)]
-pub(crate) struct Contacts {
-    /// First node of each polygon's boxes.
-    start: Vec<u32>,
-    boxes: Vec<Bounds>,
-    lines: Vec<Line>,
-}
-
-/// A box around some lines of a polygon: of itself, or of the boxes after it up to `next`.
-#[derive(Clone, Copy, Debug)]
-struct Bounds {
-    low: Vec3,
-    high: Vec3,
-    /// The box after all that is in this one.
-    next: u32,
-    /// Its lines, where it has no boxes in it.
-    first: u32,
-    count: u32,
-}
-
-/// Most lines of a box without boxes in it.
-const LEAF: usize = 4;
+pub(crate) struct Contacts(Packed<Line>);
 
 impl Contacts {
     /// Finds all lines of contact.
@@ -45,63 +32,18 @@ impl Contacts {
             .into_par_iter()
             .map(|polygon| touching(polygon, geometry, clusters, roots))
             .collect();
-        let mut contacts = Contacts { start: Vec::with_capacity(found.len() + 1), ..Contacts::default() };
-        for mut own in found {
-            contacts.start.push(contacts.boxes.len() as u32);
-            if !own.is_empty() {
-                contacts.pack(&mut own);
-            }
-        }
-        contacts.start.push(contacts.boxes.len() as u32);
-        contacts
-    }
-
-    /// Appends a box around `lines`, halved along its longest side until few are in each.
-    fn pack(&mut self, lines: &mut [Line]) {
-        let low = lines.iter().flatten().fold(Vec3::INFINITY, |low, &end| low.min(end));
-        let high = lines.iter().flatten().fold(Vec3::NEG_INFINITY, |high, &end| high.max(end));
-        let own = self.boxes.len();
-        let (first, count) = (self.lines.len() as u32, lines.len() as u32);
-        self.boxes.push(Bounds { low, high, next: 0, first, count: 0 });
-        if lines.len() <= LEAF {
-            self.boxes[own].count = count;
-            self.lines.extend_from_slice(lines);
-        } else {
-            let axis = (high - low).max_position();
-            lines.sort_unstable_by(|a, b| (a[0][axis] + a[1][axis]).total_cmp(&(b[0][axis] + b[1][axis])));
-            let (left, right) = lines.split_at_mut(count as usize / 2);
-            self.pack(left);
-            self.pack(right);
-        }
-        self.boxes[own].next = self.boxes.len() as u32;
+        Contacts(Packed::new(found))
     }
 
     /// Does a polygon have any?
     fn any(&self, polygon: u32) -> bool {
-        matches!(self.start.get(polygon as usize..=polygon as usize + 1), Some(&[from, to]) if from < to)
+        self.0.any(polygon)
     }
 
     /// Lines of a polygon whose box meets that of one of its elements.
     fn near<'a>(&'a self, element: &Element, tolerance: f32) -> impl Iterator<Item = &'a Line> + 'a {
         let (low, high) = bounds(element);
-        let (low, high) = (low - tolerance, high + tolerance);
-        let mut at = self.start.get(element.polygon as usize).copied().unwrap_or(0);
-        let end = self.start.get(element.polygon as usize + 1).copied().unwrap_or(0);
-        std::iter::from_fn(move || {
-            while at < end {
-                let node = &self.boxes[at as usize];
-                if node.low.cmpgt(high).any() || node.high.cmplt(low).any() {
-                    at = node.next;
-                    continue;
-                }
-                at += 1;
-                if node.count > 0 {
-                    return Some(&self.lines[node.first as usize..(node.first + node.count) as usize]);
-                }
-            }
-            None
-        })
-        .flatten()
+        self.0.near(element.polygon, low - tolerance, high + tolerance)
     }
 }
 
@@ -139,6 +81,10 @@ fn touching(polygon: u32, geometry: &Geometry, clusters: &Clusters, roots: &[Ele
             if other == polygon || geometry.scene.polygons[polygon as usize].twin == Some(other) || apart(a, b) {
                 continue;
             }
+            if is_under(other, polygon, geometry) {
+                // Where it ends nobody sees.
+                continue;
+            }
             let corners = &root.corners[..root.count as usize];
             let heights: Vec<f32> = corners.iter().map(|&corner| surface.normal.dot(corner) - surface.offset).collect();
             for k in 0..corners.len() {
@@ -165,6 +111,17 @@ fn touching(polygon: u32, geometry: &Geometry, clusters: &Clusters, roots: &[Ele
     }
     found.retain(|segment| crosses(root, segment, surface.normal, tolerance));
     found
+}
+
+/// Does a surface lie in one plane with another one, and under it?
+fn is_under(side: u32, other: u32, geometry: &Geometry) -> bool {
+    let polygons = &geometry.scene.polygons;
+    let sides = |side: u32| [Some(side), polygons[side as usize].twin];
+    !geometry.overlaps.is_empty()
+        && sides(side).into_iter().flatten().any(|under| {
+            let lies_on = |over: u32| geometry.overlaps.lies_on(over, under, &geometry.root(over).corners);
+            sides(other).into_iter().flatten().any(lies_on)
+        })
 }
 
 fn bounds(root: &Element) -> (Vec3, Vec3) {
@@ -307,10 +264,13 @@ const MOST: usize = 7;
 /// Looks after which a point that has seen no back is open.
 const FIRST: usize = 3;
 
-/// Is a point of a polygon inside something solid: does it see nothing but backs of surfaces without a lit back, and fronts
+/// Does another face lie on a point of a polygon, in its plane, or is the point inside something solid: does it see nothing but backs of surfaces without a lit back, and fronts
 /// that see little else themselves, whichever way it looks? Under a table's top, whose underside may be such a back, it sees
 /// out at the sides.
 pub(crate) fn is_covered(point: Vec3, polygon: u32, geometry: &Geometry) -> bool {
+    if geometry.overlaps.on_top(polygon, point).is_some() {
+        return true;
+    }
     let Some(seen) = look_around(point, polygon, geometry) else { return false };
     let backs = |seen: &[Seen]| seen.iter().filter(|seen| matches!(seen, Seen::Back)).count();
     if backs(&seen) < MOST {
@@ -353,11 +313,11 @@ fn look_around(point: Vec3, polygon: u32, geometry: &Geometry) -> Option<Vec<See
             let polygon = geometry.polygon_of[hit.primitive as usize];
             let front = &geometry.scene.polygons[polygon as usize];
             let solid = front.twin.is_none() && front.mask.is_none() && front.opacity >= 1.0;
-            if solid && geometry.surfaces[polygon as usize].normal.dot(direction) > 0.0 {
-                Seen::Back
-            } else {
-                Seen::Front(point + direction * hit.t, polygon)
+            let place = point + direction * hit.t;
+            if !solid || geometry.surfaces[polygon as usize].normal.dot(direction) <= 0.0 {
+                return Seen::Front(place, polygon);
             }
+            geometry.overlaps.before_back(polygon, place).map_or(Seen::Back, |side| Seen::Front(place, side))
         }));
     }
     Some(seen)

@@ -241,13 +241,26 @@ impl Evaluator<'_> {
         let (mut starts, mut ends) = ([[0.5; 2]; RAYS], [[0.5; 2]; RAYS]);
         let tolerance = self.geometry.tolerance;
         let pairing = |k: usize| ((k & 3) ^ turn_a) << 2 | ((k >> 2) ^ turn_b);
+        let hidden = [self.may_be_hidden(a), self.may_be_hidden(b)];
+        // Ends of rays that another face lies on.
+        let mut under = [0_u32; 2];
         for k in 0..RAYS {
             let [s, t, u, v] = jitter.four();
             let [e, f, _, _] = if (a | b) & CLUSTER != 0 { jitter.four() } else { [0.0; 4] };
-            let (from, normal, place) = sample(a, k, [s, t], e, self.geometry, self.clusters, self.elements);
-            let (to, other, target) = sample(b, pairing(k), [u, v], f, self.geometry, self.clusters, self.elements);
+            let (from, one, place) = sample(a, k, [s, t], e, self.clusters, self.elements);
+            let (to, two, target) = sample(b, pairing(k), [u, v], f, self.clusters, self.elements);
+            let [normal, other] = [one, two].map(|polygon| self.geometry.surfaces[polygon as usize].normal);
             (starts[k], ends[k]) = (place, target);
+            if hidden[0] || hidden[1] {
+                under[0] |= u32::from(self.is_under(one, from)) << k;
+                under[1] |= u32::from(self.is_under(two, to)) << k;
+            }
             packet.set(k, from, normal, to, other, tolerance);
+            // Members of a group that other faces lie on altogether are not among those that it speaks of.
+            let counts = |polygon: u32| self.geometry.counted_area(&self.elements[polygon as usize]) > 0.0;
+            if under[0] >> k & 1 == 1 && !counts(one) || under[1] >> k & 1 == 1 && !counts(two) {
+                packet.weights[k] = 0.0;
+            }
         }
         if !self.ideas.weighted_rays {
             packet.count_alike();
@@ -259,17 +272,51 @@ impl Evaluator<'_> {
             std::array::from_fn(|k| if open >> part(k) & 1 == 1 { packet.weights[k] } else { 0.0 })
         };
         let triangle = |node: u32| node & CLUSTER == 0 && self.elements[node as usize].count == 3;
-        [
-            sight(&seen(a, &|k| k), &through, |k| k >> 2, triangle(a), centre(&packet.weights, &through, &ends), clear),
-            sight(
-                &packet.weights,
-                &through,
-                |k| pairing(k) >> 2,
-                triangle(b),
-                centre(&packet.weights, &through, &starts),
-                clear,
-            ),
-        ]
+        // Nor does it throw anything.
+        let without = |values: [f32; RAYS], under: u32| -> [f32; RAYS] {
+            std::array::from_fn(|k| if under >> k & 1 == 1 { 0.0 } else { values[k] })
+        };
+        let [from_a, from_b] = under.map(|under| without(through, under));
+        let at_a = sight(
+            &without(seen(a, &|k| k), under[0]),
+            &from_b,
+            |k| k >> 2,
+            triangle(a),
+            centre(&packet.weights, &from_b, &ends),
+            clear && !hidden[1],
+        );
+        let at_b = sight(
+            &without(packet.weights, under[1]),
+            &from_a,
+            |k| pairing(k) >> 2,
+            triangle(b),
+            centre(&packet.weights, &from_a, &starts),
+            clear && !hidden[0],
+        );
+        let of = |sight: Sight, source: u32, hidden: bool| {
+            let state = if hidden && source & CLUSTER == 0 { not_whole(sight.state) } else { sight.state };
+            Sight { state, ..sight }
+        };
+        [of(at_a, b, hidden[1]), of(at_b, a, hidden[0])]
+    }
+
+    /// May another face lie on some of a node, in its plane?
+    pub(crate) fn may_be_hidden(&self, node: u32) -> bool {
+        let overlaps = &self.geometry.overlaps;
+        if overlaps.is_empty() {
+            return false;
+        }
+        if node & CLUSTER != 0 {
+            return true;
+        }
+        let element = &self.elements[node as usize];
+        let in_part = element.crossed || element.open != u16::MAX || !self.ideas.contact_lines;
+        in_part && overlaps.any(element.polygon)
+    }
+
+    /// Does another face lie on a point of a polygon, in its plane?
+    fn is_under(&self, polygon: u32, point: Vec3) -> bool {
+        self.geometry.overlaps.on_top(polygon, point).is_some()
     }
 
     /// A link of two elements with 4^(rays+1) rays to the source from each of five regions of the receiver: its quarters,
@@ -285,6 +332,7 @@ impl Evaluator<'_> {
         let (mut middle, mut lit, mut places) = ([0.0; 2], 0.0, [[0.0; 2]; RAYS]);
         let (mut steps, mut quarters) = (Steps::default(), [0; RAYS]);
         let depth = rays as usize + 1;
+        let hidden = self.may_be_hidden(source);
         for k in (0..5).filter(|&k| k != 3 || x.count == 4) {
             let open = open_of(x, k);
             if open.is_empty() {
@@ -297,6 +345,7 @@ impl Evaluator<'_> {
             let mut parts = [[0.0; 3]; 4];
             let mut packet = Packet::new();
             for first in (0..1_usize << (2 * depth)).step_by(RAYS) {
+                let mut under = 0_u32;
                 for ray in 0..RAYS {
                     let index = first + ray;
                     let [s, t, u, v] = jitter.four();
@@ -311,6 +360,7 @@ impl Evaluator<'_> {
                     };
                     let (to, place) = point_of(y, depth, index, [s, t]);
                     places[ray] = place;
+                    under |= u32::from(hidden && self.is_under(y.polygon, to)) << ray;
                     packet.set(ray, from, normal, to, other, self.geometry.tolerance);
                 }
                 if !self.ideas.weighted_rays {
@@ -318,7 +368,7 @@ impl Evaluator<'_> {
                 }
                 let through = self.through(&packet, last);
                 for ray in 0..RAYS {
-                    let weight = packet.weights[ray] * through[ray];
+                    let weight = packet.weights[ray] * if under >> ray & 1 == 1 { 0.0 } else { through[ray] };
                     parts[quarters[ray]][0] += weight;
                     parts[quarters[ray]][1] += packet.weights[ray];
                     parts[quarters[ray]][2] += packet.weights[ray] * packet.weights[ray];
@@ -362,7 +412,7 @@ impl Evaluator<'_> {
         let flags = if saturated { State::SATURATED } else { 0 };
         let centre = if lit > 0.0 { middle.map(|value| value / lit) } else { [0.5; 2] };
         let state = State::new(byte(sum / whole), byte(range), rays, flags, centre);
-        let (at, state) = shaded(at, state);
+        let (at, state) = shaded(at, if hidden { not_whole(state) } else { state });
         Some(Link { receiver, source, factors: std::array::from_fn(|k| factors[k] * at[k]), state })
     }
 
@@ -555,6 +605,12 @@ fn centre(weights: &[f32; RAYS], through: &[f32; RAYS], places: &[[f32; 2]; RAYS
         whole += weight;
     }
     if whole > 0.0 { sum.map(|value| value / whole) } else { [0.5; 2] }
+}
+
+/// A source that something may lie on is not seen alike all over, though all rays say so.
+fn not_whole(mut state: State) -> State {
+    state.spread = state.spread.max(1);
+    state
 }
 
 /// Where every ray was blocked, all is kept but what it counts for.

@@ -209,12 +209,14 @@ impl<'a> FinalGather<'a> {
         (ray as f64 + within) / self.to_lights as f64
     }
 
-    /// Sets ray `k` of a packet to a place on an emitter, or on a part of it.
-    fn aim(&self, packet: &mut Packet, k: usize, point: Vec3, normal: Vec3, part: &Element, jitter: [f64; 2]) {
+    /// Sets ray `k` of a packet to a place on an emitter, or on a part of it. Says whether another face lies there, in the
+    /// emitter's plane.
+    fn aim(&self, packet: &mut Packet, k: usize, point: Vec3, normal: Vec3, part: &Element, jitter: [f64; 2]) -> bool {
         let geometry = &self.tracer.geometry;
         let (place, _) = point_of(part, 0, 0, jitter.map(|along| along as f32));
         let other = geometry.surfaces[part.polygon as usize].normal;
         packet.set(k, point, normal, place, other, geometry.tolerance);
+        geometry.overlaps.on_top(part.polygon, place).is_some()
     }
 
     /// Appends an emitter, in parts where a point sees much of it or is near. Returns its form factor.
@@ -263,17 +265,17 @@ impl<'a> FinalGather<'a> {
         let mut last = u32::MAX;
         for first in (0..self.to_lights).step_by(RAYS) {
             let mut packet = Packet::new();
-            let mut weights = [Rgb::ZERO; RAYS];
+            let (mut weights, mut hidden) = ([Rgb::ZERO; RAYS], [false; RAYS]);
             for k in 0..RAYS {
                 let wanted = self.stratum(first + k, share, stream) * sum;
                 let part = &parts[parts.partition_point(|part| part.until <= wanted).min(parts.len() - 1)];
-                self.aim(&mut packet, k, place, normal, &part.element, square.next());
+                hidden[k] = self.aim(&mut packet, k, place, normal, &part.element, square.next());
                 let emission = polygons[part.element.polygon as usize].emission;
                 weights[k] = emission * (f64::from(packet.weights[k]) / part.density);
             }
             let through = packet.through(geometry, &mut last);
             for k in 0..RAYS {
-                seen += weights[k] * f64::from(through[k]);
+                seen += weights[k] * if hidden[k] { 0.0 } else { f64::from(through[k]) };
                 sent += weights[k];
             }
         }
@@ -307,7 +309,7 @@ impl<'a> FinalGather<'a> {
         let mut found = Rgb::ZERO;
         for first in (0..self.to_lights).step_by(RAYS) {
             let mut packet = Packet::new();
-            let mut weights = [Rgb::ZERO; RAYS];
+            let (mut weights, mut hidden) = ([Rgb::ZERO; RAYS], [false; RAYS]);
             for k in 0..RAYS {
                 let wanted = self.stratum(first + k, share, stream) * sum;
                 let index = before.partition_point(|&before| before <= wanted).clamp(1, before.len() - 1) - 1;
@@ -329,7 +331,7 @@ impl<'a> FinalGather<'a> {
                 let within = (wanted - before[index]) / own * total;
                 let member = run.partition_point(|&(_, until)| until <= within).min(run.len() - 1);
                 let emitter = self.emitters.polygons[group.from + member];
-                self.aim(&mut packet, k, place, surface, &geometry.root(emitter), square.next());
+                hidden[k] = self.aim(&mut packet, k, place, surface, &geometry.root(emitter), square.next());
                 let emission = polygons[emitter as usize].emission;
                 // What it throws over the chance that it was picked: its own factor falls out.
                 weights[k] = emission * (total / emission.mean() * (sum / own));
@@ -337,7 +339,7 @@ impl<'a> FinalGather<'a> {
             let through = packet.through(geometry, &mut last);
             for k in 0..RAYS {
                 // Rays that carry nothing are not sent, and do not pass.
-                let is_sent = packet.weights[k] > 0.0;
+                let is_sent = packet.weights[k] > 0.0 && !hidden[k];
                 found += weights[k] * if is_sent { f64::from(through[k]) } else { 0.0 };
             }
         }

@@ -2,6 +2,7 @@
 //! rays walk.
 
 use crate::contacts::Contacts;
+use crate::overlaps::Overlaps;
 use glam::{DVec3, Vec3};
 use isolux_core::sampling::Stream;
 use isolux_core::scene::{Corners, Scene};
@@ -118,6 +119,8 @@ pub(crate) struct Geometry {
     pub(crate) backend: Backend,
     /// Lines along which other polygons touch or cross each polygon.
     pub(crate) contacts: Contacts,
+    /// What lies on each side in its plane.
+    pub(crate) overlaps: Overlaps,
 }
 
 impl Geometry {
@@ -170,8 +173,22 @@ impl Geometry {
         let opaque = primitives.iter().all(|primitive| primitive.opaque);
         let bvh = Bvh8::build(&primitives);
         let backend = Backend::best();
-        let contacts = Contacts::default();
-        Geometry { scene, middle, tolerance, surfaces, bvh, polygon_of, primitives, opaque, backend, contacts }
+        let (contacts, overlaps) = (Contacts::default(), Overlaps::default());
+        let mut geometry = Geometry {
+            scene,
+            middle,
+            tolerance,
+            surfaces,
+            bvh,
+            polygon_of,
+            primitives,
+            opaque,
+            backend,
+            contacts,
+            overlaps,
+        };
+        geometry.overlaps = Overlaps::new(&geometry);
+        geometry
     }
 
     /// One element for each polygon, named by its index.
@@ -234,6 +251,23 @@ impl Geometry {
         uv.is_none_or(|uv| self.scene.masks[mask as usize].is_solid(uv))
     }
 
+    /// Area of a polygon as groups of polygons count it, m²: none where other faces lie on all of it.
+    pub(crate) fn counted_area(&self, root: &Element) -> f32 {
+        if root.open == 0 && self.overlaps.any(root.polygon) { 0.0 } else { root.area }
+    }
+
+    /// The lit side that a ray meets which hits a front, from either side, at a place; nothing for a black back. And whether
+    /// that side is not the front's own: it lies on it, and is opaque.
+    pub(crate) fn met(&self, front: u32, place: Vec3, direction: Vec3) -> (Option<u32>, bool) {
+        let faces = self.surfaces[front as usize].normal.dot(direction) < 0.0;
+        let own = if faces { Some(front) } else { self.scene.polygons[front as usize].twin };
+        let other = match own {
+            Some(side) => self.overlaps.on_top(side, place),
+            None => self.overlaps.before_back(front, place),
+        };
+        (other.or(own), other.is_some())
+    }
+
     /// The lit side that a ray from a surface sees, and where; chance decides at surfaces that let light pass. Nothing for
     /// black backs, and where the ray leaves the scene.
     pub(crate) fn look(&self, from: Vec3, normal: Vec3, direction: Vec3, stream: &mut Stream) -> Option<(u32, Vec3)> {
@@ -252,12 +286,13 @@ impl Geometry {
             let Some(hit) = hit else { return End::Nowhere };
             let polygon = self.polygon_of[hit.primitive as usize];
             let front = &self.scene.polygons[polygon as usize];
-            let stops = front.mask.is_none() && front.opacity >= 1.0
+            let place = from + direction * hit.t;
+            let (side, lies_there) = self.met(polygon, place, direction);
+            let stops = lies_there
+                || front.mask.is_none() && front.opacity >= 1.0
                 || stream.next_unit() as f32 >= self.passes(hit.primitive, hit.u, hit.v);
             if stops {
-                let faces = self.surfaces[polygon as usize].normal.dot(direction) < 0.0;
-                let side = if faces { Some(polygon) } else { front.twin };
-                return side.map_or(End::Back, |side| End::Side(side, from + direction * hit.t));
+                return side.map_or(End::Back, |side| End::Side(side, place));
             }
             near = hit.t + 2.0 * self.tolerance;
         }

@@ -36,6 +36,8 @@ mod link;
 mod oracle;
 mod order;
 mod outcome;
+mod overlaps;
+mod packed;
 mod rays;
 mod read;
 mod reopen;

@@ -419,7 +419,7 @@ impl<const C: usize> Light<C> {
             .with_min_len(1024)
             .map(|polygon| {
                 let cosine = clamped_cosine(geometry.surfaces[polygon].normal.to_array());
-                (elements[polygon].area, self.radiosity[polygon], self.irradiance[polygon], cosine)
+                (geometry.counted_area(&elements[polygon]), self.radiosity[polygon], self.irradiance[polygon], cosine)
             })
             .collect();
         let sums = ClusterSums {

@@ -216,6 +216,11 @@ pub(crate) fn verdict(link: &Link, evaluator: &Evaluator<'_>, light: &Light, lim
     if weight * errors.square() <= limit {
         return Verdict::Keep;
     }
+    if link.source & CLUSTER == 0 && evaluator.may_be_hidden(link.source) {
+        // Of its parts it is known which of them another face lies on; rays would tell that as a share alone.
+        errors.source = errors.source.hypot(errors.noise);
+        errors.noise = 0.0;
+    }
     let splittable = |node: u32| is_splittable(node, evaluator, least_area);
     let (receiver, source) = (splittable(link.receiver), splittable(link.source));
     if clusters {

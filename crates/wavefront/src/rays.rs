@@ -174,17 +174,16 @@ impl Packet {
     }
 }
 
-/// A random point of a node in part `index` of 16, with the normal there.
+/// A random point of a node in part `index` of 16, and the polygon that it lies on.
 #[inline(always)]
 pub(crate) fn sample(
     node: u32,
     index: usize,
     jitter: [f32; 2],
     extra: f32,
-    geometry: &Geometry,
     clusters: &Clusters,
     elements: &[Element],
-) -> (Vec3, Vec3, [f32; 2]) {
+) -> (Vec3, u32, [f32; 2]) {
     let (element, (point, place)) = if node & CLUSTER != 0 {
         let share = (index as f32 + extra) / RAYS as f32;
         let element = &elements[clusters.member_at(node & !CLUSTER, share) as usize];
@@ -194,5 +193,5 @@ pub(crate) fn sample(
         let own = element.crossed.then(|| own_point(element, index));
         (element, own.unwrap_or_else(|| point_of(element, 2, index, jitter)))
     };
-    (point, geometry.surfaces[element.polygon as usize].normal, place)
+    (point, element.polygon, place)
 }

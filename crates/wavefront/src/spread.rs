@@ -130,7 +130,7 @@ fn intensities(thrown: &[Bands], evaluator: &Evaluator<'_>) -> Vec<Directional> 
         .with_min_len(1024)
         .map(|polygon| {
             let cosine = clamped_cosine(evaluator.geometry.surfaces[polygon].normal.to_array());
-            (evaluator.elements[polygon].area, thrown[polygon], [0.0; 3], cosine)
+            (evaluator.geometry.counted_area(&evaluator.elements[polygon]), thrown[polygon], [0.0; 3], cosine)
         })
         .collect();
     let clusters = evaluator.clusters.nodes.len();

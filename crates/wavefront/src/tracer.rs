@@ -60,7 +60,8 @@ impl Tracer {
         let mut near = 0.0;
         for _ in 0..MOST_HOLES {
             let hit = geometry.bvh.closest(geometry.backend, origin.to_array(), along.to_array(), near, far)?;
-            let polygon = geometry.polygon_of[hit.primitive as usize];
+            let own = geometry.polygon_of[hit.primitive as usize];
+            let polygon = self.lying_on(own, origin + along * hit.t, along).unwrap_or(own);
             let front = &geometry.scene.polygons[polygon as usize];
             if front.mask.is_none() || geometry.is_solid(hit.primitive, hit.u, hit.v) {
                 let slope = front.plane.normal.dot(direction);
@@ -73,6 +74,21 @@ impl Tracer {
             near = hit.t + 2.0 * geometry.tolerance;
         }
         None
+    }
+
+    /// The front of the face that a ray meets in place of the one that it hits at a place, in the middle's coordinates.
+    fn lying_on(&self, front: u32, place: Vec3, along: Vec3) -> Option<u32> {
+        let scene = &self.geometry.scene;
+        let (side, lies_there) = self.geometry.met(front, place, along);
+        let side = side.filter(|_| lies_there)?;
+        if (side as usize) < scene.fronts { Some(side) } else { scene.polygons[side as usize].twin }
+    }
+
+    /// The side that lies on a side at a point, in its plane: of opaque faces in one plane that face the same way the last
+    /// in the scene's order. Mostly the side itself.
+    #[must_use]
+    pub fn on_top(&self, side: u32, point: DVec3) -> u32 {
+        self.geometry.overlaps.on_top(side, self.place(point)).unwrap_or(side)
     }
 
     /// Where a ray enters the scene's box, 0 where it starts inside; `None` where it passes by. `from` is relative to the
@@ -94,8 +110,8 @@ impl Tracer {
         (enters <= leaves).then_some(enters)
     }
 
-    /// Is a point on the lit side of a polygon inside something solid, so that it sees nothing but backs of surfaces without
-    /// a lit back, whichever way it looks?
+    /// Does another face lie on a point on the lit side of a polygon, in its plane, or is it inside something solid, so that it
+    /// sees nothing but backs of surfaces without a lit back, whichever way it looks?
     #[must_use]
     pub fn is_covered(&self, point: DVec3, polygon: u32) -> bool {
         crate::contacts::is_covered(self.place(point), polygon, &self.geometry)

@@ -85,3 +85,18 @@ fn tessellation_changes_no_more_than_two_errors() {
         assert!(off < SQRT_2 * ERROR, "room {seed}: {off}");
     }
 }
+
+/// Catches surfaces that count in groups though copies of them lie on them: all that there is, there twice, is as it were there
+/// once.
+#[test]
+fn what_is_there_twice_is_there_once() {
+    for seed in 0..ROOMS {
+        let input = tessellated(&room(seed), 3, seed % 2 == 1);
+        let mut twice = input.clone();
+        twice.faces.extend(input.faces.iter().cloned());
+        let (once, twice) = (Lit::solved(built(input), Ideas::default()), Lit::solved(built(twice), Ideas::default()));
+        let off = difference(&twice, &once);
+        // Two errors of no more than was asked for each, as above.
+        assert!(off < SQRT_2 * ERROR, "room {seed}: {off}");
+    }
+}

@@ -104,7 +104,8 @@ pub fn coplanar_overlaps(scene: &Scene) -> Vec<Issue> {
         let other = finding.first.map_or(finding.polygon, |overlap| overlap.other);
         let message = format!(
             "{count} polygons lie in the plane of another one, overlap it and face the same way (the first: face {} \
-             with face {} of '{}'): which of them is seen is undefined; move one away or leave the hidden part out",
+             with face {} of '{}'): with schedule wavefront the later one lies on top, with sequential light is there \
+             twice; move one away or leave the hidden part out",
             face(scene, finding.polygon),
             face(scene, other),
             scene.object_name(other),

@@ -1,8 +1,8 @@
 //! Coplanar overlaps: a scene goes in, polygons that cover another one in its plane come out.
 //!
 //! Two polygons **overlap** where they lie in one plane, face the same way, and have more than a given share of the
-//! smaller one in common. Both claim to be what is seen there: rays take one of them, pictures flicker, and light that one
-//! of them shows is hidden by the other.
+//! smaller one in common. Both claim to be what is seen there: viewers flicker, and a solver has to choose. `wavefront` takes
+//! the later one in the scene's order to lie on top; `sequential` lights both.
 //!
 //! Polygons of one plane that face opposite ways are left alone: the bottom of a box in the plane of the floor that it
 //! stands on, and the second sheet of a wall that was modelled with a polygon for each side.
