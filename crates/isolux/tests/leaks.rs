@@ -52,10 +52,10 @@ fn it_is_dark_behind_a_wall_of_no_thickness() {
 }
 
 /// Catches the darkness under something that spreads over what lies beside it: 4 cm from the rug's edge the floor has what
-/// it has half a metre away, to 15 %.
+/// it has half a metre away, to 15 %. At an asked 10 % it has a third less.
 #[test]
 fn the_floor_beside_a_rug_is_lit() {
-    let solution = solved(&shipped("room"), &asked(0.1));
+    let solution = solved(&shipped("room"), &asked(0.05));
     for x in [1.5, 1.8, 2.1, 2.4] {
         let beside = irradiance_above(&solution, DVec3::new(x, 0.0, 3.09));
         let away = irradiance_above(&solution, DVec3::new(x, 0.0, 3.55));
