@@ -188,7 +188,7 @@ def test_options_reach_the_engine():
         ["--schedule", "sequential", "--time", "9", "--threads", "1", "--python", "python4"]
     )
     options = ("--schedule", "sequential", "--time", "9.0")
-    assert harness.engine(asked) == harness.Engine("py", 1, 60.0, options)
+    assert harness.engine(asked) == harness.Engine("python4", 1, 60.0, options)
 
 
 def test_a_solve_is_measured(tmp_path: Path):
