@@ -177,8 +177,8 @@ impl Solution {
         light.check(&self.scene, elements).map_err(|violation| violation.to_string())
     }
 
-    /// Everything as named arrays, light by groups included. `elements/*`, `links/*` and, with `wavefront`, `clusters/*` are what Python shows as
-    /// views; `scene/*` is the scene after validation.
+    /// Everything as named arrays, light by groups included. `elements/*`, `links/*` and, with `wavefront`, `clusters/*` are
+    /// what Python shows as views; `scene/*` is the scene after validation.
     #[must_use]
     pub fn to_record(&self) -> Record {
         crate::record::write(self, self.kept_columns().as_deref())

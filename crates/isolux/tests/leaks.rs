@@ -33,7 +33,7 @@ fn irradiance_above(solution: &Solution, point: DVec3) -> f64 {
 #[test]
 fn it_is_dark_behind_a_wall_of_no_thickness() {
     let scene = shipped("leaks/thin_wall");
-    for (error, most) in [(0.05, 0.015), (0.02, 0.004)] {
+    for (error, most) in [(0.05, 0.007), (0.02, 0.0005)] {
         let solution = solved(&scene, &asked(error));
         let (mut square, mut count, mut sum) = (0.0, 0.0, 0.0);
         let all = points(&scene, 4000, 5);
@@ -46,7 +46,7 @@ fn it_is_dark_behind_a_wall_of_no_thickness() {
             }
         }
         let (leak, mean) = ((square / count).sqrt(), sum / all.len() as f64);
-        // Measured 0.009 and 0.002.
+        // Measured 0.0051 and 0.0003.
         assert!(leak < most * mean, "{error}: {}", leak / mean);
     }
 }
@@ -61,6 +61,18 @@ fn the_floor_beside_a_rug_is_lit() {
         let away = irradiance_above(&solution, DVec3::new(x, 0.0, 3.55));
         assert!((beside / away - 1.0).abs() < 0.15, "{x}: {beside} {away}");
     }
+}
+
+/// Catches links that are lost where the plane of a wall cuts through a floor's element, of which no part sees the wall from
+/// where rays start: 6 cm beside the foot of the gallery's second partition, which is turquoise, most of what it reflects was
+/// missing, a seventh of all blue. The path-traced value is that of a point of `benches/references/gallery.npz`.
+#[test]
+fn the_floor_beside_a_wall_has_the_walls_light() {
+    let solution = solved(&shipped("gallery"), &asked(0.05));
+    let found = irradiance_above(&solution, DVec3::new(6.1757, 0.0, 5.46));
+    let traced = (49.70 + 93.32 + 171.02) / 3.0;
+    // Measured 0.033, and 0.14 where links were lost.
+    assert!((found / traced - 1.0).abs() < 0.05, "{found} {traced}");
 }
 
 /// Catches light below what stands on something: under a plate on the floor it is dark, beside it not.

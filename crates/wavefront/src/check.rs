@@ -180,8 +180,10 @@ pub(crate) fn check(transport: &Transport, light: &Light, error: f64, seed: u64,
             let polygon = before.partition_point(|&before| before <= wanted).max(1) - 1;
             let jitter = [stream.next_unit() as f32, stream.next_unit() as f32];
             let point = even_point_of(&elements[polygon], jitter);
-            let leaf = node_at(polygon as u32, point, 0.0, transport);
-            let on_line = || is_on_line(point, &elements[leaf as usize], geometry);
+            let on_line = || {
+                let leaf = node_at(polygon as u32, point, 0.0, transport);
+                is_on_line(point, &elements[leaf as usize], geometry)
+            };
             if is_covered(point, polygon as u32, geometry) || on_line() {
                 return None;
             }

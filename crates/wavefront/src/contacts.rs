@@ -264,9 +264,9 @@ const MOST: usize = 7;
 /// Looks after which a point that has seen no back is open.
 const FIRST: usize = 3;
 
-/// Does another face lie on a point of a polygon, in its plane, or is the point inside something solid: does it see nothing but backs of surfaces without a lit back, and fronts
-/// that see little else themselves, whichever way it looks? Under a table's top, whose underside may be such a back, it sees
-/// out at the sides.
+/// Does another face lie on a point of a polygon, in its plane, or is the point inside something solid: does it see nothing
+/// but backs of surfaces without a lit back, and fronts that see little else themselves, whichever way it looks? Under a
+/// table's top, whose underside may be such a back, it sees out at the sides.
 pub(crate) fn is_covered(point: Vec3, polygon: u32, geometry: &Geometry) -> bool {
     if geometry.overlaps.on_top(polygon, point).is_some() {
         return true;

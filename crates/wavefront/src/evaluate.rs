@@ -406,7 +406,8 @@ impl Evaluator<'_> {
         let mut range = (most - least).max(0.0);
         // What regions hide counts like a step between points.
         let missed = steps.missed(&at, x.count) / STEP;
-        if missed > if saturated { range } else { SMOOTH * range } {
+        let counted = if saturated { range } else { SMOOTH * range };
+        if missed > counted {
             (saturated, range) = (true, missed);
         }
         let flags = if saturated { State::SATURATED } else { 0 };
@@ -619,4 +620,39 @@ fn shaded(at: [f32; 5], state: State) -> ([f32; 5], State) {
         return (at, state.seen(state.visibility.max(1)));
     }
     ([1.0; 5], state.seen(0).with(State::DARK))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What is missed of a visibility over (u, v) in [-1, 1]², by 64 rays from each quarter of five regions.
+    fn missed(visible: impl Fn(f32, f32) -> f32) -> f32 {
+        let mut steps = Steps::default();
+        let corners = [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5], [0.0, 0.0]];
+        let at = corners.map(|[u, v]: [f32; 2]| {
+            let parts = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|[s, t]: [f32; 2]| {
+                let places = (0..64).map(|k| [(k % 8) as f32, (k / 8) as f32].map(|k| (k - 3.5) / 16.0));
+                let seen = places.map(|[x, y]| visible(u + 0.25 * s + x, v + 0.25 * t + y)).sum();
+                [seen, 64.0, 64.0]
+            });
+            let mean = parts.iter().map(|part| part[0]).sum::<f32>() / 256.0;
+            steps.add(mean, &parts);
+            mean
+        });
+        steps.missed(&at, 4)
+    }
+
+    /// Catches a strip of shadow that crosses all regions and is in no difference between them, and penumbras that are taken
+    /// for one.
+    #[test]
+    fn strips_within_regions_are_missed_and_slopes_are_not() {
+        // Half of each quarter of the receiver is dark: 1/2 above and below the mean; the middle's two halves differ alike.
+        let strips = missed(|u, _| if u.rem_euclid(1.0) < 0.5 { 0.0 } else { 1.0 });
+        assert!((strips - 0.5).abs() < 0.02, "{strips}");
+        for slope in [0.0, 0.1, 0.4] {
+            let penumbra = missed(|u, v| 0.5 + slope * (u + 0.2 * v));
+            assert!(penumbra == 0.0, "{slope}: {penumbra}");
+        }
+    }
 }

@@ -22,9 +22,7 @@ pub struct Columns {
     /// middle. Each group's values come from its own emission alone, but for what gathers leave over: see
     /// [`Solved::columns`].
     pub fields: Vec<Vec<Field>>,
-    /// Gathers over the links, and at the leaves' own points.
-    pub passes: [u32; 2],
-    /// RMS of what was missing to the light, over leaves by area, relative to its mean.
+    /// RMS of what was missing to the light before it was added, over leaves by area, relative to its mean.
     pub apart: f64,
 }
 
@@ -42,14 +40,12 @@ impl Solved {
         for batch in all.chunks(SIDE_BY_SIDE) {
             let range = batch[0]..batch[0] + batch.len();
             // Three channels for all light, three for each group.
-            let (fields, passes) = match batch.len() {
+            columns.fields.extend(match batch.len() {
                 0..=3 => self.gathered::<12>(group_of, range, error, control),
                 4..=5 => self.gathered::<18>(group_of, range, error, control),
                 6..=8 => self.gathered::<27>(group_of, range, error, control),
                 _ => self.gathered::<48>(group_of, range, error, control),
-            };
-            columns.fields.extend(fields);
-            columns.passes = [0, 1].map(|kind| columns.passes[kind] + passes[kind]);
+            });
         }
         columns.apart = self.add_rest(&mut columns.fields);
         (!control.is_stopped()).then_some(columns)
@@ -62,7 +58,7 @@ impl Solved {
         groups: Range<usize>,
         error: f64,
         control: &Control,
-    ) -> (Vec<Vec<Field>>, [u32; 2]) {
+    ) -> Vec<Vec<Field>> {
         let Solved { transport, geometry, .. } = self;
         // By channel, what of each polygon's emission is its own.
         let own = |polygon: usize, c: usize| -> f32 {
@@ -89,12 +85,12 @@ impl Solved {
         light.settle(&transport.links, self.limit, &transport.evaluator());
         // What each lamp throws is found at the leaves before shares of what is reflected go around.
         light.settle(&transport.links, self.limit, &transport.evaluator());
-        let [passes, settles] = settle(&mut light, transport, self.limit, geometry.scene.area(), error, control);
-        let fields = (1..=groups.len()).map(|group| {
+        settle(&mut light, transport, self.limit, geometry.scene.area(), error, control);
+        let column = |group| {
             let leaves = light.field.iter().zip(&transport.elements).filter(|(_, element)| element.first_child == NONE);
             leaves.map(|(field, _)| field.each_ref().map(|at| bands(at, group))).collect()
-        });
-        (fields.collect(), [passes, settles + 1])
+        };
+        (1..=groups.len()).map(column).collect()
     }
 
     /// Adds what columns lack of the light, at each place to the one that has most there; RMS of it over leaves by area,

@@ -19,8 +19,8 @@ pub struct Hierarchy {
 }
 
 impl Hierarchy {
-    /// Splits an element if it is a leaf; children start with their parent's light where they are open. Returns false where a path can
-    /// name no deeper level.
+    /// Splits an element if it is a leaf; children start with their parent's light where they are open. Returns false where
+    /// a path can name no deeper level.
     fn split<P: Probe>(&mut self, id: ElementId, evaluator: &Evaluator<'_>, probe: &mut P) -> bool {
         if !self.elements.is_leaf(id) {
             return true;
