@@ -24,8 +24,7 @@ fn visibility(c: &mut Criterion) {
                 group.bench_function(format!("{order}/{}", backend.name()), |b| {
                     let mut answers = vec![0; packets.len()];
                     b.iter(|| {
-                        let mut last = u32::MAX;
-                        bvh.blocked_batch(backend, &packets, &mut answers, &mut last);
+                        bvh.blocked_batch(backend, &packets, &mut answers);
                         black_box(&answers);
                     });
                 });
@@ -33,9 +32,8 @@ fn visibility(c: &mut Criterion) {
             let backend = Backend::best();
             group.bench_function(format!("{order}/transmittance"), |b| {
                 b.iter(|| {
-                    let mut last = u32::MAX;
                     for rays in &packets {
-                        black_box(bvh.transmittance(backend, rays, 0xffff, &mut last, &NoFilter));
+                        black_box(bvh.transmittance(backend, rays, 0xffff, &NoFilter));
                     }
                 });
             });

@@ -27,7 +27,7 @@ fn main() -> std::io::Result<()> {
             let mut best = f64::INFINITY;
             for _ in 0..50 {
                 let start = Instant::now();
-                bvh.blocked_batch(Backend::best(), &packets, &mut answers, &mut u32::MAX.clone());
+                bvh.blocked_batch(Backend::best(), &packets, &mut answers);
                 best = best.min(start.elapsed().as_secs_f64());
             }
             println!("{name}-{order}: {:.0} ns", best * 1e9 / packets.len() as f64);

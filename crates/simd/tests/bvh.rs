@@ -80,16 +80,10 @@ fn compare(primitives: &[Primitive], rays: &Rays<16>, active: u32) {
     let surfaces: Vec<bool> = primitives.iter().map(surface).collect();
     let mut answers = Vec::new();
     for backend in Backend::available() {
-        let mut last = u32::MAX;
-        let blocked = bvh.blocked(backend, rays, active, &mut last);
+        let blocked = bvh.blocked(backend, rays, active);
         assert_eq!(blocked & !active, 0);
-        assert_eq!(last == u32::MAX, blocked == 0);
-        // No answer depends on what was remembered.
-        for mut other in [last, 0, primitives.len() as u32 / 2, 12345] {
-            assert_eq!(bvh.blocked(backend, rays, active, &mut other), blocked);
-        }
         let mut shares = [1.0; 16];
-        shares.copy_from_slice(&bvh.transmittance(backend, rays, active, &mut last, &Half));
+        shares.copy_from_slice(&bvh.transmittance(backend, rays, active, &Half));
         let hits = bvh.closest16(backend, rays, active);
         for k in 0..16 {
             let crossings: Vec<_> = (0..primitives.len())
@@ -139,7 +133,7 @@ fn compare(primitives: &[Primitive], rays: &Rays<16>, active: u32) {
             assert_eq!(alone.unwrap_or(Hit::NONE), hit);
         }
         let bits = |hit: &Hit| [hit.t.to_bits(), hit.primitive, hit.u.to_bits(), hit.v.to_bits()];
-        answers.push((blocked, last, shares.map(f32::to_bits), hits.iter().map(bits).collect::<Vec<_>>()));
+        answers.push((blocked, shares.map(f32::to_bits), hits.iter().map(bits).collect::<Vec<_>>()));
     }
     for answer in &answers {
         assert_eq!(answer, &answers[0], "backends differ");
@@ -227,7 +221,7 @@ proptest! {
 fn is_blocked(bvh: &Bvh8, from: Point, to: Point) -> bool {
     let mut rays = Rays::default();
     rays.set_between(5, from, to, 0.0);
-    bvh.blocked(Backend::best(), &rays, 1 << 5, &mut u32::MAX.clone()) != 0
+    bvh.blocked(Backend::best(), &rays, 1 << 5) != 0
 }
 
 fn lerp(a: Point, b: Point, t: f32) -> Point {
@@ -248,10 +242,8 @@ fn nothing_is_in_an_empty_hierarchy() {
         for backend in Backend::available() {
             let mut rays = Rays::default();
             rays.set_between(0, [0.0, 0.0, -1.0], [0.1, 0.1, 1.0], 0.0);
-            for mut last in [u32::MAX, 0, 3] {
-                assert_eq!(bvh.blocked(backend, &rays, 0xffff, &mut last), 0);
-                assert_eq!(bvh.transmittance(backend, &rays, 0xffff, &mut last, &NoFilter), [1.0; 16]);
-            }
+            assert_eq!(bvh.blocked(backend, &rays, 0xffff), 0);
+            assert_eq!(bvh.transmittance(backend, &rays, 0xffff, &NoFilter), [1.0; 16]);
             assert_eq!(bvh.closest16(backend, &rays, 0xffff), [Hit::NONE; 16]);
             let square = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
             let above = square.map(|[x, y, _]| [x, y, 1.0]);
@@ -322,7 +314,7 @@ fn many_primitives_agree_with_double_precision() {
 fn compare_many(primitives: &[Primitive], rays: &Rays<16>) {
     let bvh = Bvh8::build(primitives);
     let scale = scale(primitives);
-    let blocked = bvh.blocked(Backend::best(), rays, 0xffff, &mut u32::MAX.clone());
+    let blocked = bvh.blocked(Backend::best(), rays, 0xffff);
     let hits = bvh.closest16(Backend::best(), rays, 0xffff);
     for (k, hit) in hits.iter().enumerate() {
         let crossings: Vec<_> = primitives.iter().map(|primitive| cross(rays, k, primitive, scale)).collect();
@@ -489,9 +481,9 @@ fn rays_along_axes_meet_what_is_there() {
                 for k in 0..16 {
                     rays.set_between(k, [x, y, side], [x, y, -side], 0.0);
                 }
-                assert_eq!(bvh.blocked(backend, &rays, 0xffff, &mut u32::MAX.clone()), 0xffff, "{x} {y}");
+                assert_eq!(bvh.blocked(backend, &rays, 0xffff), 0xffff, "{x} {y}");
                 // Single rays walk otherwise.
-                assert_eq!(bvh.blocked(backend, &rays, 0x8000, &mut u32::MAX.clone()), 0x8000, "{x} {y}");
+                assert_eq!(bvh.blocked(backend, &rays, 0x8000), 0x8000, "{x} {y}");
                 let hit = bvh.closest(backend, [x, y, side], [-0.0, 0.0, -side], 0.0, f32::INFINITY).unwrap();
                 assert_eq!(hit.t, 1.0);
                 assert!(bvh.closest(backend, [x, y, side], [0.0, -0.0, side], 0.0, f32::INFINITY).is_none());
@@ -639,7 +631,7 @@ fn shafts_are_found_clear_where_they_are() {
 
 #[test]
 fn a_batch_is_its_packets() {
-    // Catches an answer that what is remembered from the packet before changes.
+    // Catches an answer that the packet before changes, and one that is written to another's place.
     let primitives = soup(300, 21);
     let bvh = Bvh8::build(&primitives);
     let mut random = Random(8);
@@ -653,8 +645,8 @@ fn a_batch_is_its_packets() {
         })
         .collect();
     let mut answers = vec![0; packets.len()];
-    bvh.blocked_batch(Backend::best(), &packets, &mut answers, &mut u32::MAX.clone());
+    bvh.blocked_batch(Backend::best(), &packets, &mut answers);
     for (rays, &answer) in packets.iter().zip(&answers) {
-        assert_eq!(bvh.blocked(Backend::best(), rays, 0xffff, &mut u32::MAX.clone()), u32::from(answer));
+        assert_eq!(bvh.blocked(Backend::best(), rays, 0xffff), u32::from(answer));
     }
 }

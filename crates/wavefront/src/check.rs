@@ -345,7 +345,6 @@ fn emitted(
     let normal = geometry.surfaces[polygon as usize].normal;
     let start = [stream.next_unit(), stream.next_unit()];
     let mut sum = [0.0; 3];
-    let mut last = NONE;
     for first in (0..rays).step_by(RAYS) {
         let mut packet = Packet::new();
         let mut carried = [[0.0; 3]; RAYS];
@@ -366,7 +365,7 @@ fn emitted(
             let factor = counts * weight * FRAC_1_PI * element.area / share as f32 / rays as f32;
             *carried = surface.emission.map(|emission| factor * emission);
         }
-        let through = packet.through(geometry, &mut last);
+        let through = packet.through(geometry);
         for (carried, through) in carried.iter().zip(through) {
             (0..3).for_each(|band| sum[band] += through * carried[band]);
         }

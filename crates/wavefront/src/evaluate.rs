@@ -3,7 +3,7 @@
 
 use crate::clusters::Clusters;
 use crate::field::{INNER, mean};
-use crate::geometry::{Element, Geometry, NONE};
+use crate::geometry::{Element, Geometry};
 use crate::ideas::Ideas;
 use crate::link::{CLUSTER, Link, MIDDLE, State};
 use crate::oracle::{SMOOTH, STEP};
@@ -83,15 +83,15 @@ impl Evaluator<'_> {
 
     /// Both directions of a pair, those in `wants`, with 16 rays between the nodes; none where nothing can arrive.
     /// `clear`: it is proven that nothing lies between them.
-    pub(crate) fn pair(&self, a: u32, b: u32, wants: u8, clear: bool, last: &mut u32) -> [Option<Link>; 2] {
+    pub(crate) fn pair(&self, a: u32, b: u32, wants: u8, clear: bool) -> [Option<Link>; 2] {
         if a & CLUSTER == 0 && b & CLUSTER == 0 {
-            self.elements_pair(a, b, wants, clear, last)
+            self.elements_pair(a, b, wants, clear)
         } else {
-            self.clusters_pair(a, b, wants, last)
+            self.clusters_pair(a, b, wants)
         }
     }
 
-    fn elements_pair(&self, a: u32, b: u32, wants: u8, clear: bool, last: &mut u32) -> [Option<Link>; 2] {
+    fn elements_pair(&self, a: u32, b: u32, wants: u8, clear: bool) -> [Option<Link>; 2] {
         let (x, y) = (&self.elements[a as usize], &self.elements[b as usize]);
         let tolerance = self.geometry.tolerance;
         if x.open == 0 || y.open == 0 || self.rise(y, x.polygon) <= tolerance || self.rise(x, y.polygon) <= tolerance {
@@ -105,7 +105,7 @@ impl Evaluator<'_> {
             let link = |bit, receiver, source| if wants & bit != 0 { self.straddling(receiver, source) } else { None };
             return [link(A_RECEIVES, a, b), link(B_RECEIVES, b, a)];
         }
-        let [at_a, at_b] = self.both(a, b, wants, clear, last);
+        let [at_a, at_b] = self.both(a, b, wants, clear);
         // Few of 16 rays between neighbours carry most of the light: where it comes from is then asked of the quarters.
         let near = x.centre().distance(y.centre()) < NEAR * (x.radius() + y.radius());
         let link = |receiver: u32, source: u32, factors: [f32; 5], mut sight: Sight| {
@@ -211,10 +211,10 @@ impl Evaluator<'_> {
     }
 
     /// Visibility over both of two nodes, for the directions in `wants`.
-    fn both(&self, a: u32, b: u32, wants: u8, clear: bool, last: &mut u32) -> [Sight; 2] {
-        let [at_a, at_b] = self.between(a, b, clear, last);
+    fn both(&self, a: u32, b: u32, wants: u8, clear: bool) -> [Sight; 2] {
+        let [at_a, at_b] = self.between(a, b, clear);
         let apart = !self.ideas.shared_rays && wants == A_RECEIVES | B_RECEIVES;
-        [at_a, if apart { self.between(b, a, clear, last)[0] } else { at_b }]
+        [at_a, if apart { self.between(b, a, clear)[0] } else { at_b }]
     }
 
     /// Which strata rays join, as bits.
@@ -223,17 +223,8 @@ impl Evaluator<'_> {
         if self.ideas.hashed_pairing { bits } else { 0 }
     }
 
-    /// Share of light that gets through, ray by ray.
-    #[inline(always)]
-    fn through(&self, packet: &Packet, last: &mut u32) -> [f32; RAYS] {
-        if !self.ideas.last_blocker {
-            *last = NONE;
-        }
-        packet.through(self.geometry, last)
-    }
-
     /// Rays between two nodes, and what they say of both.
-    fn between(&self, a: u32, b: u32, clear: bool, last: &mut u32) -> [Sight; 2] {
+    fn between(&self, a: u32, b: u32, clear: bool) -> [Sight; 2] {
         let mut jitter = Jitter::new(self.name(a), self.name(b), self.seed);
         let turn = self.turn(&mut jitter);
         let (turn_a, turn_b) = (turn & 3, turn >> 2 & 3);
@@ -265,7 +256,7 @@ impl Evaluator<'_> {
         if !self.ideas.weighted_rays {
             packet.count_alike();
         }
-        let through = if clear { [1.0; RAYS] } else { self.through(&packet, last) };
+        let through = if clear { [1.0; RAYS] } else { packet.through(self.geometry) };
         // What lies under something receives nothing, and is not what is asked for.
         let seen = |node: u32, part: &dyn Fn(usize) -> usize| -> [f32; RAYS] {
             let open = if node & CLUSTER == 0 { self.elements[node as usize].open } else { u16::MAX };
@@ -321,7 +312,7 @@ impl Evaluator<'_> {
 
     /// A link of two elements with 4^(rays+1) rays to the source from each of five regions of the receiver: its quarters,
     /// and its middle.
-    pub(crate) fn points(&self, receiver: u32, source: u32, rays: u8, last: &mut u32) -> Option<Link> {
+    pub(crate) fn points(&self, receiver: u32, source: u32, rays: u8) -> Option<Link> {
         let (x, y) = (&self.elements[receiver as usize], &self.elements[source as usize]);
         let (factors, _) = self.exchange(x, y);
         let (normal, other) = (self.normal(x), self.normal(y));
@@ -366,7 +357,7 @@ impl Evaluator<'_> {
                 if !self.ideas.weighted_rays {
                     packet.count_alike();
                 }
-                let through = self.through(&packet, last);
+                let through = packet.through(self.geometry);
                 for ray in 0..RAYS {
                     let weight = packet.weights[ray] * if under >> ray & 1 == 1 { 0.0 } else { through[ray] };
                     parts[quarters[ray]][0] += weight;
@@ -417,7 +408,7 @@ impl Evaluator<'_> {
         Some(Link { receiver, source, factors: std::array::from_fn(|k| factors[k] * at[k]), state })
     }
 
-    fn clusters_pair(&self, a: u32, b: u32, wants: u8, last: &mut u32) -> [Option<Link>; 2] {
+    fn clusters_pair(&self, a: u32, b: u32, wants: u8) -> [Option<Link>; 2] {
         let ((from, radius), (to, other)) = (self.ball(a), self.ball(b));
         let tolerance = self.geometry.tolerance;
         for (element, cluster) in [(a, b), (b, a)] {
@@ -431,7 +422,7 @@ impl Evaluator<'_> {
         // Balls that overlap throw no more on each other than if they touched.
         let touching = (radius + other) * (radius + other);
         let broad = if from.distance_squared(to) <= touching { State::BROAD } else { 0 };
-        let [at_a, at_b] = self.both(a, b, wants, false, last);
+        let [at_a, at_b] = self.both(a, b, wants, false);
         let link = |receiver: u32, source: u32, sight: Sight| {
             let (source_centre, source_radius) = self.ball(source);
             let mut factors = [0.0; 5];

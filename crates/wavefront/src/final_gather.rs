@@ -262,7 +262,6 @@ impl<'a> FinalGather<'a> {
         let (place, normal) = (self.tracer.place(point), geometry.surfaces[side as usize].normal);
         let (mut seen, mut sent) = (Rgb::ZERO, Rgb::ZERO);
         let mut square = Square::new(stream);
-        let mut last = u32::MAX;
         for first in (0..self.to_lights).step_by(RAYS) {
             let mut packet = Packet::new();
             let (mut weights, mut hidden) = ([Rgb::ZERO; RAYS], [false; RAYS]);
@@ -273,7 +272,7 @@ impl<'a> FinalGather<'a> {
                 let emission = polygons[part.element.polygon as usize].emission;
                 weights[k] = emission * (f64::from(packet.weights[k]) / part.density);
             }
-            let through = packet.through(geometry, &mut last);
+            let through = packet.through(geometry);
             for k in 0..RAYS {
                 seen += weights[k] * if hidden[k] { 0.0 } else { f64::from(through[k]) };
                 sent += weights[k];
@@ -304,7 +303,6 @@ impl<'a> FinalGather<'a> {
         }
         let (place, surface) = (self.tracer.place(point), geometry.surfaces[side as usize].normal);
         let mut square = Square::new(stream);
-        let mut last = u32::MAX;
         let mut members: (usize, Vec<(f64, f64)>, f64) = (usize::MAX, Vec::new(), 0.0);
         let mut found = Rgb::ZERO;
         for first in (0..self.to_lights).step_by(RAYS) {
@@ -336,7 +334,7 @@ impl<'a> FinalGather<'a> {
                 // What it throws over the chance that it was picked: its own factor falls out.
                 weights[k] = emission * (total / emission.mean() * (sum / own));
             }
-            let through = packet.through(geometry, &mut last);
+            let through = packet.through(geometry);
             for k in 0..RAYS {
                 // Rays that carry nothing are not sent, and do not pass.
                 let is_sent = packet.weights[k] > 0.0 && !hidden[k];

@@ -60,9 +60,6 @@ ideas! {
     blocked_proofs,
     /// Links whose rays are all blocked are asked again where their source would matter. Without, they are dropped.
     dark_links,
-    /// The surface that blocked a packet is the first that the next one is tested against. Without, each packet begins at the
-    /// root.
-    last_blocker,
     /// Rays meet parallelograms as one primitive. Without, as two triangles, in a tree that the solve makes at its begin.
     parallelograms,
     /// Elements that a line of contact runs through know which of their parts are open, and are split along it. Without, a

@@ -163,13 +163,13 @@ impl Packet {
 
     /// Share of light that gets through, ray by ray.
     #[inline(always)]
-    pub(crate) fn through(&self, geometry: &Geometry, last: &mut u32) -> [f32; RAYS] {
+    pub(crate) fn through(&self, geometry: &Geometry) -> [f32; RAYS] {
         let active = self.active();
         if geometry.opaque {
-            let blocked = geometry.bvh.blocked(geometry.backend, &self.rays, active, last);
+            let blocked = geometry.bvh.blocked(geometry.backend, &self.rays, active);
             std::array::from_fn(|k| if blocked >> k & 1 == 1 { 0.0 } else { 1.0 })
         } else {
-            geometry.bvh.transmittance(geometry.backend, &self.rays, active, last, geometry)
+            geometry.bvh.transmittance(geometry.backend, &self.rays, active, geometry)
         }
     }
 }

@@ -171,13 +171,12 @@ impl Transport {
             .par_chunks(CHUNK)
             .map(|chunk| {
                 let mut outcome = Outcome::default();
-                let mut last = NONE;
                 for item in chunk {
                     match item {
-                        Open::Pair(pair) => examine(pair, &evaluator, now, limit, &mut last, &mut outcome),
+                        Open::Pair(pair) => examine(pair, &evaluator, now, limit, &mut outcome),
                         Open::Link(link) => {
                             let links = [Some(*link), None];
-                            decide(links, false, &evaluator, now, limit, &mut last, &mut outcome);
+                            decide(links, false, &evaluator, now, limit, &mut outcome);
                         }
                     }
                 }
@@ -374,7 +373,7 @@ impl Remaining {
     }
 }
 
-fn examine(pair: &Pair, evaluator: &Evaluator<'_>, light: &Light, limit: Limit, last: &mut u32, outcome: &mut Outcome) {
+fn examine(pair: &Pair, evaluator: &Evaluator<'_>, light: &Light, limit: Limit, outcome: &mut Outcome) {
     let &Pair { a, b, wants, clear } = pair;
     if (a | b) & CLUSTER != 0 && is_worth_no_cluster(a, b, evaluator) && limit.error < f32::INFINITY {
         let larger =
@@ -394,8 +393,8 @@ fn examine(pair: &Pair, evaluator: &Evaluator<'_>, light: &Light, limit: Limit, 
     }
     outcome.evaluated += 1;
     let clear = clear && (evaluator.ideas.inherited_proofs || is_clear_between(a, b, evaluator));
-    let links = evaluator.pair(a, b, wants, clear, last);
-    decide(links, clear, evaluator, light, limit, last, outcome);
+    let links = evaluator.pair(a, b, wants, clear);
+    decide(links, clear, evaluator, light, limit, outcome);
 }
 
 /// Are there so few pairs of polygons in a pair of nodes that all of them are soon evaluated?
@@ -412,7 +411,6 @@ fn decide(
     evaluator: &Evaluator<'_>,
     light: &Light,
     limit: Limit,
-    last: &mut u32,
     outcome: &mut Outcome,
 ) {
     let ideas = evaluator.ideas;
@@ -433,7 +431,7 @@ fn decide(
                 Verdict::MoreRays => {
                     let rays = if link.state.rays_of_points() == 0 { 1 } else { link.state.rays() + 1 };
                     outcome.packets += 5 << (2 * rays - 2);
-                    match evaluator.points(link.receiver, link.source, rays, last) {
+                    match evaluator.points(link.receiver, link.source, rays) {
                         Some(more)
                             if more.state.is(State::DARK)
                                 && link.state.rays_of_points() == 0

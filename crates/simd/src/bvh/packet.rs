@@ -323,7 +323,6 @@ fn walk<L: Lanes>(bvh: &Bvh8, packet: &Packet<'_, L>, mut live: u32, visitor: &m
 /// Collects the rays that opaque primitives block.
 struct Blocked {
     bits: u32,
-    last: u32,
 }
 
 impl<L: Lanes> Visit<L> for Blocked {
@@ -348,7 +347,6 @@ impl<L: Lanes> Visit<L> for Blocked {
                 let hit = L::bits(cross(&packet.ray(ray as usize), &surface).mask) & opaque;
                 if hit != 0 {
                     self.bits |= 1 << ray;
-                    self.last = block.ids[hit.trailing_zeros() as usize % WIDTH];
                     live &= !(1 << ray);
                 }
             }
@@ -360,7 +358,6 @@ impl<L: Lanes> Visit<L> for Blocked {
             let hit = crosses(&packet.rays, block, lane) & rays;
             if hit != 0 {
                 self.bits |= hit;
-                self.last = block.ids[lane % WIDTH];
                 live &= !hit;
                 rays &= !hit;
                 if rays == 0 {
@@ -373,34 +370,28 @@ impl<L: Lanes> Visit<L> for Blocked {
 }
 
 #[inline(always)]
-fn blocked_body<L: Lanes>(bvh: &Bvh8, rays: &Rays<16>, active: u32, last: &mut u32) -> u32 {
+fn blocked_body<L: Lanes>(bvh: &Bvh8, rays: &Rays<16>, active: u32) -> u32 {
     let pair = [Ray::<L>::half(bvh, rays, 0), Ray::half(bvh, rays, 1)];
-    let mut live = valid(&pair, active & 0xffff);
-    let mut found = Blocked { bits: 0, last: *last };
-    if let Some((block, lane)) = bvh.opaque_place(*last) {
-        found.bits = crosses(&pair, block, lane) & live;
-        live &= !found.bits;
-    }
+    let live = valid(&pair, active & 0xffff);
+    let mut found = Blocked { bits: 0 };
     if live != 0 {
         walk(bvh, &Packet::new(rays, pair), live, &mut found);
-        *last = found.last;
     }
     found.bits
 }
-dispatch!(fn blocked(bvh: &Bvh8, rays: &Rays<16>, active: u32, last: &mut u32) -> u32 = blocked_body);
+dispatch!(fn blocked(bvh: &Bvh8, rays: &Rays<16>, active: u32) -> u32 = blocked_body);
 
 #[inline(always)]
-fn blocked_batch_body<L: Lanes>(bvh: &Bvh8, rays: &[Rays<16>], blocked: &mut [u16], last: &mut u32) {
+fn blocked_batch_body<L: Lanes>(bvh: &Bvh8, rays: &[Rays<16>], blocked: &mut [u16]) {
     for (rays, blocked) in rays.iter().zip(blocked) {
-        *blocked = blocked_body::<L>(bvh, rays, 0xffff, last) as u16;
+        *blocked = blocked_body::<L>(bvh, rays, 0xffff) as u16;
     }
 }
-dispatch!(fn blocked_batch(bvh: &Bvh8, rays: &[Rays<16>], blocked: &mut [u16], last: &mut u32) -> () = blocked_batch_body);
+dispatch!(fn blocked_batch(bvh: &Bvh8, rays: &[Rays<16>], blocked: &mut [u16]) -> () = blocked_batch_body);
 
 /// Multiplies what primitives let pass.
 struct Passed<'a, F> {
     share: [f32; 16],
-    last: u32,
     filter: &'a F,
 }
 
@@ -438,7 +429,6 @@ impl<L: Lanes, F: Filter> Visit<L> for Passed<'_, F> {
                 }
                 if opaque >> lane & 1 != 0 {
                     blocked |= hit;
-                    self.last = block.ids[lane];
                 } else {
                     blocked |= self.pass(block.ids[lane], &crossing, hit, half);
                 }
@@ -473,7 +463,6 @@ impl<F: Filter> Passed<'_, F> {
             let mut hit = L::bits(crossing.mask) & lanes;
             if hit & opaque != 0 {
                 stopped |= 1 << ray;
-                self.last = block.ids[(hit & opaque).trailing_zeros() as usize % WIDTH];
                 continue;
             }
             if hit == 0 {
@@ -515,69 +504,39 @@ impl<F: Filter> Passed<'_, F> {
 }
 
 #[inline(always)]
-fn transmittance_body<L: Lanes, F: Filter>(
-    bvh: &Bvh8,
-    rays: &Rays<16>,
-    active: u32,
-    last: &mut u32,
-    filter: &F,
-) -> [f32; 16] {
+fn transmittance_body<L: Lanes, F: Filter>(bvh: &Bvh8, rays: &Rays<16>, active: u32, filter: &F) -> [f32; 16] {
     let pair = [Ray::<L>::half(bvh, rays, 0), Ray::half(bvh, rays, 1)];
-    let mut live = valid(&pair, active & 0xffff);
-    let mut found = Passed { share: [1.0; 16], last: *last, filter };
-    if let Some((block, lane)) = bvh.opaque_place(*last) {
-        let hit = crosses(&pair, block, lane) & live;
-        for ray in 0..16 {
-            if hit >> ray & 1 != 0 {
-                found.share[ray] = 0.0;
-            }
-        }
-        live &= !hit;
-    }
+    let live = valid(&pair, active & 0xffff);
+    let mut found = Passed { share: [1.0; 16], filter };
     if live != 0 {
         walk(bvh, &Packet::new(rays, pair), live, &mut found);
-        *last = found.last;
     }
     found.share
 }
 dispatch!(fn transmittance<F: Filter>(
-    bvh: &Bvh8, rays: &Rays<16>, active: u32, last: &mut u32, filter: &F,
+    bvh: &Bvh8, rays: &Rays<16>, active: u32, filter: &F,
 ) -> [f32; 16] = transmittance_body);
 
 impl Bvh8 {
-    /// Where a primitive is, if it is an opaque one.
-    #[inline(always)]
-    fn opaque_place(&self, id: u32) -> Option<(&Block, usize)> {
-        let place = *self.places.get(id as usize)?;
-        self.blocks.get(place as usize / WIDTH).map(|block| (block, place as usize % WIDTH))
-    }
-
     /// Bit k: ray k of `active` is blocked by an opaque primitive.
     ///
-    /// `last` is the primitive that blocked the last packet (`u32::MAX`: none); it is tested first, and replaced by one that
-    /// blocks this packet. No answer depends on it, but for rays that run past its border by less than what tests allow for
-    /// rounding: it blocks them where it is asked at once, and they may miss its box on the way down.
+    /// Equal packets have equal answers, whatever was asked before. A ray that runs along a primitive and past its
+    /// border, by less than what the rule of the module's page allows, may miss its box on the way down: it is not
+    /// blocked then.
     #[must_use]
-    pub fn blocked(&self, backend: Backend, rays: &Rays<16>, active: u32, last: &mut u32) -> u32 {
-        blocked(backend, self, rays, active, last)
+    pub fn blocked(&self, backend: Backend, rays: &Rays<16>, active: u32) -> u32 {
+        blocked(backend, self, rays, active)
     }
 
     /// [`Bvh8::blocked`] for many packets with all their rays active: `blocked[k]` is the answer for `rays[k]`.
-    pub fn blocked_batch(&self, backend: Backend, rays: &[Rays<16>], answers: &mut [u16], last: &mut u32) {
-        blocked_batch(backend, self, rays, answers, last);
+    pub fn blocked_batch(&self, backend: Backend, rays: &[Rays<16>], answers: &mut [u16]) {
+        blocked_batch(backend, self, rays, answers);
     }
 
     /// The share that passes along each ray: 0 where an opaque primitive blocks it or what the filter says of all others
     /// multiplies to 0; 1 for rays that are not active.
     #[must_use]
-    pub fn transmittance(
-        &self,
-        backend: Backend,
-        rays: &Rays<16>,
-        active: u32,
-        last: &mut u32,
-        filter: &impl Filter,
-    ) -> [f32; 16] {
-        transmittance(backend, self, rays, active, last, filter)
+    pub fn transmittance(&self, backend: Backend, rays: &Rays<16>, active: u32, filter: &impl Filter) -> [f32; 16] {
+        transmittance(backend, self, rays, active, filter)
     }
 }
