@@ -53,8 +53,6 @@ ideas! {
     /// Pairs between which nothing lies are proven to be clear when they are split: their parts need no rays. Without, they
     /// send them.
     clear_proofs,
-    /// The parts of a pair that is proven to be clear are clear. Without, each is proven by itself.
-    inherited_proofs,
     /// Links that one surface is proven to hide are dropped. Without, they are asked and split as others whose rays are
     /// blocked.
     blocked_proofs,

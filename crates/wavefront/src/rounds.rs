@@ -39,6 +39,7 @@ pub(crate) struct Pair {
     pub(crate) b: u32,
     /// Directions, as in [`A_RECEIVES`].
     pub(crate) wants: u8,
+    /// It is proven that nothing lies between them: nor does anything between their parts.
     pub(crate) clear: bool,
 }
 
@@ -392,7 +393,6 @@ fn examine(pair: &Pair, evaluator: &Evaluator<'_>, light: &Light, limit: Limit, 
         return;
     }
     outcome.evaluated += 1;
-    let clear = clear && (evaluator.ideas.inherited_proofs || is_clear_between(a, b, evaluator));
     let links = evaluator.pair(a, b, wants, clear);
     decide(links, clear, evaluator, light, limit, outcome);
 }
@@ -505,16 +505,12 @@ fn is_blocked(link: &Link, evaluator: &Evaluator<'_>) -> bool {
 
 /// Is it proven that nothing lies between the ends of a link?
 fn is_clear(link: &Link, evaluator: &Evaluator<'_>) -> bool {
-    link.state.visibility == 255
-        && (link.receiver | link.source) & CLUSTER == 0
-        && evaluator.ideas.clear_proofs
-        && is_clear_between(link.receiver, link.source, evaluator)
-}
-
-/// Is it proven that nothing lies between two elements?
-fn is_clear_between(a: u32, b: u32, evaluator: &Evaluator<'_>) -> bool {
+    let is_element_pair = (link.receiver | link.source) & CLUSTER == 0;
+    if link.state.visibility < 255 || !is_element_pair || !evaluator.ideas.clear_proofs {
+        return false;
+    }
     let geometry = evaluator.geometry;
-    let [x, y] = [a, b].map(|node| &evaluator.elements[node as usize]);
+    let [x, y] = [link.receiver, link.source].map(|node| &evaluator.elements[node as usize]);
     let ((a, m, plane_a), (b, n, plane_b)) = (outline(x, geometry), outline(y, geometry));
     geometry.bvh.clear_between(geometry.backend, &a[..m], &b[..n], plane_a, plane_b, geometry.tolerance, SHAFT_BUDGET)
 }
