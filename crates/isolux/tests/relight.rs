@@ -66,17 +66,18 @@ fn leaves(solution: &Solution) -> Vec<f64> {
     leaves.flat_map(|leaf| fields[leaf.index()].as_flattened().to_vec()).map(f64::from).collect()
 }
 
+/// Mean of the irradiances of leaves by area.
+fn mean(solution: &Solution, values: &[f64]) -> f64 {
+    let elements = &solution.hierarchy().elements;
+    let areas = || elements.leaves().map(|leaf| elements.get(leaf).area);
+    let sum: f64 = areas().zip(values.chunks(15)).map(|(area, values)| area * values.iter().sum::<f64>() / 15.0).sum();
+    sum / areas().sum::<f64>()
+}
+
 /// RMS difference of irradiances of leaves by area, relative to the mean of `one`.
 fn apart(solution: &Solution, one: &[f64], two: &[f64]) -> f64 {
-    let elements = &solution.hierarchy().elements;
-    let (mut square, mut sum, mut whole) = (0.0, 0.0, 0.0);
-    for (leaf, (one, two)) in elements.leaves().zip(one.chunks(15).zip(two.chunks(15))) {
-        let area = elements.get(leaf).area / 15.0;
-        square += area * one.iter().zip(two).map(|(one, two)| (one - two) * (one - two)).sum::<f64>();
-        sum += area * one.iter().sum::<f64>();
-        whole += 15.0 * area;
-    }
-    (square / whole).sqrt() / (sum / whole)
+    let squares: Vec<f64> = one.iter().zip(two).map(|(one, two)| (one - two) * (one - two)).collect();
+    mean(solution, &squares).sqrt() / mean(solution, one)
 }
 
 fn largest(values: &[f64]) -> f64 {
@@ -170,19 +171,23 @@ fn columns_add_up_by_themselves() {
 /// Catches a transport that is not what the solve gathered over, and a column that is not its group's light: over the same
 /// links with nothing else on, the same comes out. The solve itself stops at a fifth of the asked error; choices that ask
 /// the light (slopes, near sources, what is interpolated) are those of all groups in one and of the group alone in the
-/// other: each is made so that what it leaves is within the asked error.
+/// other: each is made so that what it leaves is within the asked error of all light, of which a group alone is a part.
 #[test]
 fn a_column_is_what_the_same_links_give_for_its_group() {
     let solution = lit();
     let anew = regathered(&solution, solution.scene());
-    let off = apart(&solution, &leaves(&solution), &anew);
+    let all = leaves(&solution);
+    let off = apart(&solution, &all, &anew);
     assert!(off < 0.2 * ERROR, "{off}");
     for (on, given) in [("lamp", [1.0, 0.0, 0.0]), ("window", [0.0, 1.0, 0.0]), ("desk lamp", [0.0, 0.0, 1.0])] {
         let alone = scene(room(given[0], given[1], given[2], 0.5));
         let others: Vec<(&str, f64)> =
             ["lamp", "window", "desk lamp"].into_iter().filter(|&name| name != on).map(|name| (name, 0.0)).collect();
-        let off = apart(&solution, &regathered(&solution, &alone), &leaves(&relit(&solution, &others)));
-        assert!(off < ERROR, "{on}: {off}");
+        let group = regathered(&solution, &alone);
+        let share = mean(&solution, &group) / mean(&solution, &all);
+        let off = share * apart(&solution, &group, &leaves(&relit(&solution, &others)));
+        // Measured 0.0066 at most: a fifth, as above. Of the desk lamp's own light, a ninth of all, it is 0.054.
+        assert!(off < 0.2 * ERROR, "{on}: {off}");
     }
 }
 
