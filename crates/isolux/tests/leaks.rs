@@ -46,7 +46,7 @@ fn it_is_dark_behind_a_wall_of_no_thickness() {
             }
         }
         let (leak, mean) = ((square / count).sqrt(), sum / all.len() as f64);
-        // Measured 0.0051 and 0.0003.
+        // Measured 0.0053 and 0.0003.
         assert!(leak < most * mean, "{error}: {}", leak / mean);
     }
 }
@@ -71,8 +71,34 @@ fn the_floor_beside_a_wall_has_the_walls_light() {
     let solution = solved(&shipped("gallery"), &asked(0.05));
     let found = irradiance_above(&solution, DVec3::new(6.1757, 0.0, 5.46));
     let traced = (49.70 + 93.32 + 171.02) / 3.0;
-    // Measured 0.033, and 0.14 where links were lost.
+    // Measured 0.036, and 0.14 where links were lost.
     assert!((found / traced - 1.0).abs() < 0.05, "{found} {traced}");
+}
+
+/// Catches penumbras whose slopes leaves lose, or that chance makes: on the floor of the Cornell box, in the tall block's
+/// shadow. Path-traced values of points of `benches/references/cornell.npz`.
+#[test]
+fn a_penumbra_has_its_slopes() {
+    let solution = solved(&shipped("cornell"), &asked(0.02));
+    for (x, z, traced) in
+        [(2.4977, 3.8765, 0.4865), (2.5773, 3.8087, 0.4658), (2.6632, 3.7879, 0.4448), (2.7370, 3.9719, 0.4309)]
+    {
+        let found = irradiance_above(&solution, DVec3::new(x, 0.0, z));
+        // Measured 0.014 at most, and 0.082 where leaves took visibility for flatter than links do.
+        assert!((found / traced - 1.0).abs() < 0.03, "{x}: {found} {traced}");
+    }
+}
+
+/// Catches light that is lost at the foot of a wall where the floor's element lies mostly below what the wall belongs to: the
+/// short block's side, a tenth of a millimetre above the floor. The path-traced value is that of a point of
+/// `benches/references/cornell.npz`, the largest of three bands.
+#[test]
+fn the_foot_of_a_block_sees_the_floor() {
+    let solution = solved(&shipped("cornell"), &asked(0.01));
+    let (first, second) = (0.638_660_2, 5.210_425e-5);
+    let found = solution.irradiance_at(21, [first, second, 1.0 - first - second]).unwrap()[0];
+    // Measured 0.02; 0.54 where a visibility that no ray told was taken for a half.
+    assert!((found / 0.5217 - 1.0).abs() < 0.1, "{found}");
 }
 
 /// Catches light below what stands on something: under a plate on the floor it is dark, beside it not.
@@ -121,7 +147,7 @@ fn as_much_light_gets_through_a_slit_as_paths_say() {
         }
         // An RMS error e of all surfaces is a mean error of e / sqrt(s) at most on a share s of them: e sqrt(s) of all light.
         let most = error * (count / all.len() as f64).sqrt();
-        // Measured 0.0206, 0.0143 and 0.0075 of all light, 0.0072 by paths.
+        // Measured 0.0161, 0.0081 and 0.0076 of all light, 0.0072 by paths.
         assert!((behind / sum - through).abs() < most, "{error}: {} {through}", behind / sum);
         assert!(behind / sum > 0.5 * through, "{error}: {} {through}", behind / sum);
     }
@@ -145,7 +171,7 @@ fn it_is_dark_in_a_room_without_a_lamp() {
             all.iter().zip(&lit).filter(|((face, _), _)| is_dark(*face)).map(|(_, lit)| lit * lit).collect();
         let leak = (dark.iter().sum::<f64>() / dark.len() as f64).sqrt();
         // Half of all surfaces may be off by 1.4 of what was asked for; where no light gets at all it is a tenth of that at
-        // most. Measured 0.0060, 0.0061, 0.0001, 7e-7.
+        // most. Measured 3e-5, 2e-6, 7e-13, 7e-5.
         assert!(leak < 0.14 * error * mean, "{error}: {}", leak / mean);
     }
 }

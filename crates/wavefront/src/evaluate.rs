@@ -9,6 +9,7 @@ use crate::link::{CLUSTER, Link, MIDDLE, State};
 use crate::oracle::{SMOOTH, STEP};
 use crate::order::Order;
 use crate::rays::{Jitter, Packet, RAYS, own_point, point_of, sample};
+use crate::sight::{Sight, Steps, byte, centre, chance, fit, not_whole, shaded, sight};
 use glam::Vec3;
 use isolux_simd::factor::{Polygon, point_factors};
 use std::f32::consts::FRAC_1_PI;
@@ -34,18 +35,6 @@ pub(crate) struct Evaluator<'a> {
     pub(crate) order: &'a Order,
     pub(crate) seed: u64,
     pub(crate) ideas: Ideas,
-}
-
-/// Visibility over a receiver.
-#[derive(Clone, Copy)]
-struct Sight {
-    /// At the corners and the middle.
-    at: [f32; 5],
-    state: State,
-}
-
-fn byte(share: f32) -> u8 {
-    (share.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
 }
 
 /// The places at which a receiver is asked: towards its corners, and its middle.
@@ -107,7 +96,7 @@ impl Evaluator<'_> {
         }
         let [at_a, at_b] = self.both(a, b, wants, clear);
         // Few of 16 rays between neighbours carry most of the light: where it comes from is then asked of the quarters.
-        let near = x.centre().distance(y.centre()) < NEAR * (x.radius() + y.radius());
+        let near = self.is_near(a, b);
         let link = |receiver: u32, source: u32, factors: [f32; 5], mut sight: Sight| {
             if near && sight.state.visibility == 255 {
                 sight.state = sight.state.from(self.centre_by_quarters(receiver, source));
@@ -157,8 +146,9 @@ impl Evaluator<'_> {
     /// how much its parts may receive.
     fn straddling(&self, receiver: u32, source: u32) -> Option<Link> {
         let (x, y) = (&self.elements[receiver as usize], &self.elements[source as usize]);
-        let most = self.factors_in_corners(x, y).iter().fold(0.0_f32, |most, &factor| most.max(factor));
-        let state = State::new(128, byte(most).max(1), State::few(0.0), State::GRAZING, [0.5; 2]);
+        let most = self.factors_along_border(x, y).iter().fold(0.0_f32, |most, &factor| most.max(factor));
+        let visibility = if self.is_near(receiver, source) { 255 } else { 128 };
+        let state = State::new(visibility, byte(most).max(1), State::few(0.0), State::GRAZING, [0.5; 2]);
         (most > 0.0).then_some(Link { receiver, source, factors: [0.0; 5], state })
     }
 
@@ -185,6 +175,23 @@ impl Evaluator<'_> {
         self.factors_at(&points(receiver), receiver, source)
     }
 
+    /// Unoccluded factors in the corners of `receiver` and at the middles of its sides.
+    fn factors_along_border(&self, receiver: &Element, source: &Element) -> [f32; 8] {
+        let (centre, corners) = (receiver.centre(), &receiver.corners);
+        let at = |k: usize| corners[k % 4] + (centre - corners[k % 4]) * CORNER_INSET;
+        self.factors_of(
+            &std::array::from_fn(|k| if k < 4 { at(k) } else { 0.5 * (at(k) + at(k + 1)) }),
+            receiver,
+            source,
+        )
+    }
+
+    /// Are two nodes neighbours?
+    fn is_near(&self, a: u32, b: u32) -> bool {
+        let ((from, radius), (to, other)) = (self.ball(a), self.ball(b));
+        from.distance(to) < NEAR * (radius + other)
+    }
+
     /// Unoccluded factors in the corners of `receiver`; the last ones are that of its last corner.
     pub(crate) fn factors_in_corners(&self, receiver: &Element, source: &Element) -> [f32; 5] {
         let (centre, corners) = (receiver.centre(), &receiver.corners);
@@ -193,9 +200,13 @@ impl Evaluator<'_> {
     }
 
     fn factors_at(&self, points: &[Vec3; 5], receiver: &Element, source: &Element) -> [f32; 5] {
+        let factors = self.factors_of(&std::array::from_fn(|k| points[k.min(MIDDLE)]), receiver, source);
+        std::array::from_fn(|k| factors[k])
+    }
+
+    fn factors_of(&self, points: &[Vec3; 8], receiver: &Element, source: &Element) -> [f32; 8] {
         let mut lanes = [[0.0; 8]; 3];
-        for k in 0..8 {
-            let point = points[k.min(MIDDLE)];
+        for (k, point) in points.iter().enumerate() {
             for axis in 0..3 {
                 lanes[axis][k] = point[axis];
             }
@@ -206,8 +217,7 @@ impl Evaluator<'_> {
             count: source.count.into(),
             normal: self.normal(source).to_array(),
         };
-        let factors = point_factors(self.geometry.backend, &lanes, &normals, &source);
-        std::array::from_fn(|k| factors[k])
+        point_factors(self.geometry.backend, &lanes, &normals, &source)
     }
 
     /// Visibility over both of two nodes, for the directions in `wants`.
@@ -268,6 +278,8 @@ impl Evaluator<'_> {
             std::array::from_fn(|k| if under >> k & 1 == 1 { 0.0 } else { values[k] })
         };
         let [from_a, from_b] = under.map(|under| without(through, under));
+        // Between neighbours hardly anything fits.
+        let unasked = if self.is_near(a, b) { 1.0 } else { 0.5 };
         let at_a = sight(
             &without(seen(a, &|k| k), under[0]),
             &from_b,
@@ -275,6 +287,7 @@ impl Evaluator<'_> {
             triangle(a),
             centre(&packet.weights, &from_b, &ends),
             clear && !hidden[1],
+            unasked,
         );
         let at_b = sight(
             &without(packet.weights, under[1]),
@@ -283,6 +296,7 @@ impl Evaluator<'_> {
             triangle(b),
             centre(&packet.weights, &from_a, &starts),
             clear && !hidden[0],
+            unasked,
         );
         let of = |sight: Sight, source: u32, hidden: bool| {
             let state = if hidden && source & CLUSTER == 0 { not_whole(sight.state) } else { sight.state };
@@ -317,7 +331,7 @@ impl Evaluator<'_> {
         let (factors, _) = self.exchange(x, y);
         let (normal, other) = (self.normal(x), self.normal(y));
         let mut at = [0.0; 5];
-        let (mut least, mut most, mut saturated) = (1.0_f32, 0.0_f32, false);
+        let mut saturated = false;
         let (mut sum, mut whole) = (0.0, 0.0);
         let mut unknown = [false; 5];
         let (mut middle, mut lit, mut places) = ([0.0; 2], 0.0, [[0.0; 2]; RAYS]);
@@ -374,8 +388,6 @@ impl Evaluator<'_> {
                 continue;
             }
             at[k] = seen / all;
-            least = least.min(at[k]);
-            most = most.max(at[k]);
             saturated |= at[k] <= 0.0 || at[k] >= 1.0;
             if rays > 1 {
                 steps.add(at[k], &parts);
@@ -390,13 +402,13 @@ impl Evaluator<'_> {
         for k in (0..5).filter(|&k| unknown[k]) {
             at[k] = sum / whole;
         }
-        // Quarters lie half way to the corners, points further out.
-        for k in 0..x.count as usize {
-            at[k] = (at[MIDDLE] + 2.0 * INNER * (at[k] - at[MIDDLE])).clamp(0.0, 1.0);
-        }
-        let mut range = (most - least).max(0.0);
+        let regions = at;
+        let at = fit(&regions, x.count, chance(sum / whole, (1_u32 << (2 * depth)) as f32));
+        let (least, most) = at.iter().fold((1.0_f32, 0.0_f32), |(least, most), &at| (least.min(at), most.max(at)));
+        // Samples lie further out than regions.
+        let mut range = (most - least) / (2.0 * INNER);
         // What regions hide counts like a step between points.
-        let missed = steps.missed(&at, x.count) / STEP;
+        let missed = steps.missed(&regions, x.count) / STEP;
         let counted = if saturated { range } else { SMOOTH * range };
         if missed > counted {
             (saturated, range) = (true, missed);
@@ -493,43 +505,6 @@ fn point_in(element: &Element, k: usize, depth: usize, index: usize, jitter: [f3
     }
 }
 
-/// How much visibility varies within the regions of a receiver, by quarters of each.
-#[derive(Clone, Copy, Debug, Default)]
-struct Steps {
-    /// Sums over regions: of the variance within, and of what chance makes of it.
-    variance: f32,
-    chance: f32,
-    regions: f32,
-}
-
-impl Steps {
-    /// A region's mean visibility, and its quarters': what was seen of what there was, and the sum of the squared weights.
-    fn add(&mut self, mean: f32, parts: &[[f32; 3]; 4]) {
-        for [seen, all, squares] in parts.iter().filter(|part| part[1] > 0.0) {
-            self.variance += 0.25 * (seen / all - mean) * (seen / all - mean);
-            // So many rays of equal weight would say as much.
-            let rays = all * all / squares;
-            self.chance += 0.25 * 0.75 * mean * (1.0 - mean) / rays;
-        }
-        self.regions += 1.0;
-    }
-
-    /// Root mean square over the receiver of what a linear function misses, less what chance may make of it. `at`: mean
-    /// visibilities of the regions.
-    fn missed(&self, at: &[f32; 5], count: u8) -> f32 {
-        if self.regions == 0.0 {
-            return 0.0;
-        }
-        // Regions are half as large as the receiver: a linear function varies a quarter as much in them as between them.
-        let quarters = [at[0], at[1], at[2], if count == 4 { at[3] } else { at[MIDDLE] }];
-        let mean = quarters.iter().sum::<f32>() / 4.0;
-        let linear = quarters.iter().map(|value| (value - mean) * (value - mean)).sum::<f32>() / 16.0;
-        let doubt = (2.0 / (3.0 * self.regions)).sqrt();
-        let (variance, chance) = (self.variance / self.regions, self.chance / self.regions);
-        (variance - linear - chance * (1.0 + 2.0 * doubt)).max(0.0).sqrt()
-    }
-}
-
 /// The digits of an index to base 4 in reverse order.
 fn reversed(index: usize, digits: usize) -> usize {
     (0..digits).fold(0, |reversed, digit| reversed << 2 | index >> (2 * digit) & 3)
@@ -544,106 +519,4 @@ fn horizon(height: f32, radius: f32, state: &mut State) -> f32 {
     *state = state.with(State::GRAZING);
     // A ball of even density: the mean of max(0, h + x) with x spread over [-r, r].
     0.25 * (height + radius).max(0.0) * (height + radius).max(0.0) / radius
-}
-
-/// Visibility over a receiver from rays whose quarter of it `quarter` tells.
-fn sight(
-    weights: &[f32; RAYS],
-    through: &[f32; RAYS],
-    quarter: impl Fn(usize) -> usize,
-    triangle: bool,
-    centre: [f32; 2],
-    clear: bool,
-) -> Sight {
-    let (mut seen, mut all) = ([0.0_f32; 4], [0.0_f32; 4]);
-    for k in 0..RAYS {
-        seen[quarter(k)] += weights[k] * through[k];
-        all[quarter(k)] += weights[k];
-    }
-    let whole: f32 = all.iter().sum();
-    let mean = if whole > 0.0 { seen.iter().sum::<f32>() / whole } else { 0.5 };
-    let quarters: [f32; 4] = std::array::from_fn(|k| if all[k] > 0.0 { seen[k] / all[k] } else { mean });
-    let variance = quarters.iter().map(|value| (value - mean) * (value - mean)).sum::<f32>() / 4.0;
-    // Four rays each say so much even where all quarters see the same.
-    let chance = mean * (1.0 - mean) / 4.0;
-    let signal = (variance - chance).max(0.0);
-    let spread = 2.0 * signal.sqrt();
-    let saturated = quarters.iter().any(|&value| value <= 0.0 || value >= 1.0);
-    // A linear function differs twice as much between corners as between quarters, less where it is asked; what chance does
-    // is taken off.
-    let stretch = if variance > 0.0 { 2.0 * INNER * signal / variance } else { 0.0 };
-    let corner = |k: usize| {
-        let k = if triangle { k.min(2) } else { k };
-        (mean + stretch * (quarters[k] - mean)).clamp(0.0, 1.0)
-    };
-    let at = [corner(0), corner(1), corner(2), corner(3), mean];
-    if clear {
-        return Sight { at: [1.0; 5], state: State::new(255, 0, 0, State::CLEAR, centre) };
-    }
-    let flags = if saturated { State::SATURATED } else { 0 };
-    // So many rays of equal weight would say as much.
-    let squares: f32 = weights.iter().map(|weight| weight * weight).sum();
-    let rays = if whole > 0.0 { whole * whole / squares } else { 0.0 };
-    let (at, state) = shaded(at, State::new(byte(mean), byte(spread), State::few(rays), flags, centre));
-    Sight { at, state }
-}
-
-/// Mean place of what gets through.
-fn centre(weights: &[f32; RAYS], through: &[f32; RAYS], places: &[[f32; 2]; RAYS]) -> [f32; 2] {
-    let (mut sum, mut whole) = ([0.0; 2], 0.0);
-    for k in 0..RAYS {
-        let weight = weights[k] * through[k];
-        sum = [sum[0] + weight * places[k][0], sum[1] + weight * places[k][1]];
-        whole += weight;
-    }
-    if whole > 0.0 { sum.map(|value| value / whole) } else { [0.5; 2] }
-}
-
-/// A source that something may lie on is not seen alike all over, though all rays say so.
-fn not_whole(mut state: State) -> State {
-    state.spread = state.spread.max(1);
-    state
-}
-
-/// Where every ray was blocked, all is kept but what it counts for.
-fn shaded(at: [f32; 5], state: State) -> ([f32; 5], State) {
-    if at.iter().any(|&at| at > 0.0) {
-        return (at, state.seen(state.visibility.max(1)));
-    }
-    ([1.0; 5], state.seen(0).with(State::DARK))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// What is missed of a visibility over (u, v) in [-1, 1]², by 64 rays from each quarter of five regions.
-    fn missed(visible: impl Fn(f32, f32) -> f32) -> f32 {
-        let mut steps = Steps::default();
-        let corners = [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5], [0.0, 0.0]];
-        let at = corners.map(|[u, v]: [f32; 2]| {
-            let parts = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|[s, t]: [f32; 2]| {
-                let places = (0..64).map(|k| [(k % 8) as f32, (k / 8) as f32].map(|k| (k - 3.5) / 16.0));
-                let seen = places.map(|[x, y]| visible(u + 0.25 * s + x, v + 0.25 * t + y)).sum();
-                [seen, 64.0, 64.0]
-            });
-            let mean = parts.iter().map(|part| part[0]).sum::<f32>() / 256.0;
-            steps.add(mean, &parts);
-            mean
-        });
-        steps.missed(&at, 4)
-    }
-
-    /// Catches a strip of shadow that crosses all regions and is in no difference between them, and penumbras that are taken
-    /// for one.
-    #[test]
-    fn strips_within_regions_are_missed_and_slopes_are_not() {
-        // Half of each quarter of the receiver is dark: 1/2 above and below the mean; the middle's two halves differ alike.
-        let strips = missed(|u, _| if u.rem_euclid(1.0) < 0.5 { 0.0 } else { 1.0 });
-        assert!((strips - 0.5).abs() < 0.02, "{strips}");
-        for slope in [0.0, 0.1, 0.4] {
-            let penumbra = missed(|u, v| 0.5 + slope * (u + 0.2 * v));
-            assert!(penumbra == 0.0, "{slope}: {penumbra}");
-        }
-    }
 }

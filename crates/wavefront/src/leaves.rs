@@ -14,10 +14,11 @@ use crate::light::{
 use crate::link::{CLUSTER, Link, State};
 use rayon::prelude::*;
 
-/// An element as the source of a leaf, with the visibility at the points of the node at hand.
+/// An element as the source of a leaf, with the visibility over the node at hand.
 #[derive(Clone, Copy)]
 struct Seen {
     source: u32,
+    /// In corners, see [`crate::field`]; not cut off at 0 and 1, so that slopes stay what they are on the way down.
     at: [f32; 5],
     whole: bool,
 }
@@ -84,7 +85,7 @@ impl<const C: usize> Near<'_, C> {
             }
             return;
         }
-        let at = if entry.whole { entry.at } else { to_samples(&entry.at, leaf.count) };
+        let at = if entry.whole { entry.at } else { to_samples(&entry.at, leaf.count).map(|at| at.clamp(0.0, 1.0)) };
         (0..5).for_each(|k| add_times(&mut field[k], factors[k] * at[k], value));
     }
 
@@ -188,6 +189,7 @@ impl<const C: usize> Descent<'_, C> {
                     let mean = f32::from(link.state.visibility) / 255.0;
                     let is_known = |k: usize| open[k] > 0.0 && evaluator.ideas.linear_receivers;
                     at = std::array::from_fn(|k| if is_known(k) { (link.factors[k] / open[k]).min(1.0) } else { mean });
+                    at = to_corners(&at, element.count);
                 }
                 sources.seen.push(Seen { source: link.source, at, whole });
                 sources.values.push(value);
@@ -213,7 +215,7 @@ impl<const C: usize> Descent<'_, C> {
             let here = sources.seen.clone();
             let below = |quadrant: usize, sources: &mut Sources<C>, leaves: &mut Vec<(u32, Field<C>)>| {
                 for (entry, above) in sources.seen.iter_mut().zip(&here).filter(|(_, above)| !above.whole) {
-                    entry.at = quarter_of(&above.at, count, quadrant).map(|at| at.clamp(0.0, 1.0));
+                    entry.at = quarter_of(&above.at, count, quadrant);
                 }
                 let part = quarter(&field, count, quadrant);
                 self.descend(element.first_child + quadrant as u32, part, sources, leaves);

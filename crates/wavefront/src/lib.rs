@@ -42,6 +42,7 @@ mod rays;
 mod read;
 mod reopen;
 mod rounds;
+mod sight;
 mod solve;
 mod spread;
 mod tracer;

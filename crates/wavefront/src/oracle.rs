@@ -4,6 +4,7 @@ use crate::evaluate::Evaluator;
 use crate::field::{mean, to_corners};
 use crate::light::Light;
 use crate::link::{CLUSTER, Link, State};
+use crate::sight::chance;
 
 /// What becomes of a link.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -87,8 +88,7 @@ fn noise(state: State) -> f32 {
         let rays = state.rays_between();
         v * (1.0 - v) / (rays + 1.0) + 1.0 / (rays + 2.0) / (rays + 2.0)
     } else {
-        // Strata in the plane of the source: those on the border of a shadow count alone, about 2 n of n².
-        0.8 * v * (1.0 - v) / (rays * rays.sqrt()) + 1.0 / (5.0 * rays + 2.0) / (5.0 * rays + 2.0)
+        chance(v, rays) + 1.0 / (5.0 * rays + 2.0) / (5.0 * rays + 2.0)
     }
 }
 
