@@ -8,7 +8,7 @@ use crate::ideas::Ideas;
 use crate::link::{CLUSTER, Link, MIDDLE, State};
 use crate::oracle::{SMOOTH, STEP};
 use crate::order::Order;
-use crate::rays::{Jitter, Packet, RAYS, own_point, point_of, sample};
+use crate::rays::{Jitter, Packet, RAYS, evenness, own_point, point_of, sample};
 use crate::sight::{Sight, Steps, byte, centre, chance, fit, not_whole, shaded, sight};
 use glam::Vec3;
 use isolux_simd::factor::{Polygon, point_factors};
@@ -175,6 +175,12 @@ impl Evaluator<'_> {
         self.factors_at(&points(receiver), receiver, source)
     }
 
+    /// [`evenness`] of rays from a receiver's middle to a source.
+    pub(crate) fn evenness(&self, receiver: u32, source: u32) -> f32 {
+        let [x, y] = [receiver, source].map(|node| &self.elements[node as usize]);
+        evenness(x.centre(), self.normal(x), y, self.normal(y))
+    }
+
     /// Unoccluded factors in the corners of `receiver` and at the middles of its sides.
     fn factors_along_border(&self, receiver: &Element, source: &Element) -> [f32; 8] {
         let (centre, corners) = (receiver.centre(), &receiver.corners);
@@ -279,7 +285,7 @@ impl Evaluator<'_> {
         };
         let [from_a, from_b] = under.map(|under| without(through, under));
         // Between neighbours hardly anything fits.
-        let unasked = if self.is_near(a, b) { 1.0 } else { 0.5 };
+        let unasked = if (a | b) & CLUSTER == 0 && self.is_near(a, b) { 1.0 } else { 0.5 };
         let at_a = sight(
             &without(seen(a, &|k| k), under[0]),
             &from_b,
@@ -403,7 +409,8 @@ impl Evaluator<'_> {
             at[k] = sum / whole;
         }
         let regions = at;
-        let at = fit(&regions, x.count, chance(sum / whole, (1_u32 << (2 * depth)) as f32));
+        let each = (1_u32 << (2 * depth)) as f32 * self.evenness(receiver, source);
+        let at = fit(&regions, x.count, chance(sum / whole, each));
         let (least, most) = at.iter().fold((1.0_f32, 0.0_f32), |(least, most), &at| (least.min(at), most.max(at)));
         // Samples lie further out than regions.
         let mut range = (most - least) / (2.0 * INNER);

@@ -73,8 +73,8 @@ pub(crate) const MOST_RAYS: u8 = 3;
 /// Depth of elements at which refinement ends: what a path can name.
 const DEEPEST: u32 = isolux_core::tree::Path::MAX_DEPTH;
 
-/// Variance of a visibility that is known by rays.
-fn noise(state: State) -> f32 {
+/// Variance of a visibility that is known by rays. `evenness`: rays of equal weight that say as much as one.
+fn noise(state: State, evenness: impl FnOnce() -> f32) -> f32 {
     if state.is(State::CLEAR) {
         return 0.0;
     }
@@ -88,7 +88,7 @@ fn noise(state: State) -> f32 {
         let rays = state.rays_between();
         v * (1.0 - v) / (rays + 1.0) + 1.0 / (rays + 2.0) / (rays + 2.0)
     } else {
-        chance(v, rays) + 1.0 / (5.0 * rays + 2.0) / (5.0 * rays + 2.0)
+        chance(v, rays * evenness()) + 1.0 / (5.0 * rays + 2.0) / (5.0 * rays + 2.0)
     }
 }
 
@@ -168,7 +168,7 @@ pub(crate) fn errors(link: &Link, evaluator: &Evaluator<'_>, light: &Light) -> E
     }
     // Clusters know no slopes.
     let slopes = if (link.receiver | link.source) & CLUSTER == 0 { SLOPES } else { 1.0 };
-    errors.noise = open * (slopes * noise(state)).sqrt();
+    errors.noise = open * (slopes * noise(state, || evaluator.evenness(link.receiver, link.source))).sqrt();
     errors
 }
 

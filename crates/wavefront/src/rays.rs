@@ -121,6 +121,20 @@ pub(crate) fn even_point_of(element: &Element, jitter: [f32; 2]) -> Vec3 {
     a + (last - a) * s + (c - a) * t
 }
 
+/// How many rays of equal weight say as much as one of those that go from a point to evenly spread places of a source: 1 where
+/// the source is far away, less where some of it is much closer than the rest. `normal`, `other`: of the point and the source.
+pub(crate) fn evenness(point: Vec3, normal: Vec3, source: &Element, other: Vec3) -> f32 {
+    let (mut sum, mut squares) = (0.0, 0.0);
+    for part in 0..RAYS {
+        let towards = point_of(source, 2, part, [0.5; 2]).0 - point;
+        let square = towards.length_squared();
+        let weight = normal.dot(towards).max(0.0) * (-other.dot(towards)).max(0.0) / (square * square);
+        sum += weight;
+        squares += weight * weight;
+    }
+    if squares > 0.0 { sum * sum / (RAYS as f32 * squares) } else { 1.0 }
+}
+
 /// A packet of rays with what each would carry.
 pub(crate) struct Packet {
     pub(crate) rays: Rays<RAYS>,
@@ -194,4 +208,24 @@ pub(crate) fn sample(
         (element, own.unwrap_or_else(|| point_of(element, 2, index, jitter)))
     };
     (point, element.polygon, place)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use isolux_core::tree::Path;
+
+    /// Catches noise that is taken for less than it is where near parts of a source outweigh all others: a wall that begins a
+    /// tenth of its length away counts by a quarter of its strata at most, one that is far away by all.
+    #[test]
+    fn a_source_that_is_near_at_one_end_is_uneven() {
+        let wall = |from: f32| {
+            let corners = [[from, -0.5, 0.0], [from, 0.5, 0.0], [from, 0.5, 1.0], [from, -0.5, 1.0]].map(Vec3::from);
+            Element::new(corners, 4, 0, u32::MAX, Path::root(0))
+        };
+        let seen = |from: f32| evenness(Vec3::ZERO, Vec3::Z, &wall(from), Vec3::NEG_X);
+        // A wall that stands on the receiver's plane: its lowest strata lie flat, its highest far off.
+        assert!(seen(0.1) < 0.3, "{}", seen(0.1));
+        assert!(seen(10.0) > 0.7, "{}", seen(10.0));
+    }
 }
