@@ -11,6 +11,7 @@ use crate::order::Order;
 use crate::rays::{Jitter, Packet, RAYS, evenness, own_point, point_of, sample};
 use crate::sight::{Sight, Steps, byte, centre, chance, fit, not_whole, shaded, sight};
 use glam::Vec3;
+use isolux_core::sampling::mix;
 use isolux_simd::factor::{Polygon, point_factors};
 use std::f32::consts::FRAC_1_PI;
 
@@ -360,14 +361,13 @@ impl Evaluator<'_> {
                 for ray in 0..RAYS {
                     let index = first + ray;
                     let [s, t, u, v] = jitter.four();
-                    let part = reversed(index, depth) ^ (turn & ((1 << (2 * depth)) - 1));
+                    let part = scattered(index, depth, turn);
                     let from;
                     (from, quarters[ray]) = if x.crossed {
                         let place = (index ^ turn) % open.len();
                         (own_point(x, open[place]).0, place)
                     } else {
-                        let finest = depth.min(3);
-                        (point_in(x, k, depth, part, [u, v]), part >> (2 * (finest - 1)) & 3)
+                        (point_in(x, k, depth, part, [u, v]), part >> (2 * (depth.min(FINEST) - 1)) & 3)
                     };
                     let (to, place) = point_of(y, depth, index, [s, t]);
                     places[ray] = place;
@@ -499,7 +499,7 @@ fn open_of(element: &Element, k: usize) -> Vec<usize> {
 
 /// A point of part `index` of the 4^depth parts of a receiver's region `k`.
 fn point_in(element: &Element, k: usize, depth: usize, index: usize, jitter: [f32; 2]) -> Vec3 {
-    let depth = depth.min(3);
+    let depth = depth.min(FINEST);
     let index = index & ((1 << (2 * depth)) - 1);
     match (k, element.count) {
         (MIDDLE, 4) => {
@@ -510,6 +510,19 @@ fn point_in(element: &Element, k: usize, depth: usize, index: usize, jitter: [f3
         (MIDDLE, _) => point_of(element, depth + 1, 3 << (2 * depth) | index, jitter).0,
         _ => point_of(element, depth + 1, k << (2 * depth) | index, jitter).0,
     }
+}
+
+/// Levels of a receiver's region over which rays are spread.
+const FINEST: usize = 3;
+
+/// The part of a receiver's region from which the ray to part `index` of the 4^depth parts of a source starts: rays to parts
+/// that are neighbours start far apart. Which quarter of the region it is, is drawn anew for each group of four parts: were it
+/// the same in all of them, each quarter would see the source as if it were moved a little, and differ from the others by it.
+fn scattered(index: usize, depth: usize, turn: usize) -> usize {
+    let finest = depth.min(FINEST);
+    let group = index & !(3 << (2 * (depth - finest)));
+    let quarter = mix((group as u64) << 32 ^ turn as u64) as usize & 3;
+    reversed(index, depth) ^ (turn & ((1 << (2 * depth)) - 1)) ^ quarter << (2 * (finest - 1))
 }
 
 /// The digits of an index to base 4 in reverse order.
@@ -526,4 +539,40 @@ fn horizon(height: f32, radius: f32, state: &mut State) -> f32 {
     *state = state.with(State::GRAZING);
     // A ball of even density: the mean of max(0, h + x) with x spread over [-r, r].
     0.25 * (height + radius).max(0.0) * (height + radius).max(0.0) / radius
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use isolux_core::tree::Path;
+
+    /// Catches quarters of a region that differ by which places of the source they are joined with: where half of a source
+    /// is hidden, along any line, each quarter sees the same share. A quarter is joined with 16 places, one in each sixteenth
+    /// of the source.
+    #[test]
+    fn quarters_see_the_same_share_of_a_source() {
+        let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].map(|[x, y]| Vec3::new(x, y, 0.0));
+        let source = Element::new(corners, 4, 0, u32::MAX, Path::root(0));
+        let (mut square, mut count) = (0.0, 0.0);
+        for turn in 0..32 {
+            let parts: Vec<usize> = (0..64).map(|index| scattered(index, 3, turn)).collect();
+            let mut sorted = parts.clone();
+            sorted.sort_unstable();
+            assert_eq!(sorted, (0..64).collect::<Vec<_>>(), "{turn}");
+            for cut in 1..16 {
+                let edge = cut as f32 / 16.0;
+                let mut seen = [0.0_f32; 4];
+                for (index, part) in parts.iter().enumerate() {
+                    let (_, [s, _]) = point_of(&source, 3, index, [0.5; 2]);
+                    seen[part >> 4] += if s < edge { 1.0 / 16.0 } else { 0.0 };
+                }
+                let mean = seen.iter().sum::<f32>() / 4.0;
+                square += seen.iter().map(|seen| (seen - mean) * (seen - mean)).sum::<f32>() / 4.0;
+                count += 1.0;
+            }
+        }
+        let apart = (square / count).sqrt();
+        // Measured 0.043, and 0.091 with the same quarter in all groups.
+        assert!(apart < 0.06, "{apart}");
+    }
 }
