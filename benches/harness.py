@@ -41,7 +41,7 @@ COMPONENTS = {5121: "<u1", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 BEFORE = 1e-3
 #: Mean over standard error below which one path holds what a point has: 1 for one path, 1.4 for two alike.
 ONE_PATH = 1.2
-#: Share of the mean irradiance that one path which slipped between faces may bring: measured, up to 2e-5 in all references.
+#: Share of the mean irradiance that one path which slipped between faces may bring: measured, up to 2e-5.
 FAINT = 1e-4
 #: Threads of libraries that would otherwise start one per core beside those that are asked for.
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
