@@ -148,7 +148,7 @@ impl Evaluator<'_> {
     fn straddling(&self, receiver: u32, source: u32) -> Option<Link> {
         let (x, y) = (&self.elements[receiver as usize], &self.elements[source as usize]);
         let most = self.factors_along_border(x, y).iter().fold(0.0_f32, |most, &factor| most.max(factor));
-        let visibility = if self.is_near(receiver, source) { 255 } else { 128 };
+        let visibility = byte(self.unasked(receiver, source));
         let state = State::new(visibility, byte(most).max(1), State::few(0.0), State::GRAZING, [0.5; 2]);
         (most > 0.0).then_some(Link { receiver, source, factors: [0.0; 5], state })
     }
@@ -197,6 +197,11 @@ impl Evaluator<'_> {
     fn is_near(&self, a: u32, b: u32) -> bool {
         let ((from, radius), (to, other)) = (self.ball(a), self.ball(b));
         from.distance(to) < NEAR * (radius + other)
+    }
+
+    /// Visibility where no ray tells of it: hardly anything fits between neighbours; of others nothing is known.
+    fn unasked(&self, a: u32, b: u32) -> f32 {
+        if (a | b) & CLUSTER == 0 && self.is_near(a, b) { 1.0 } else { 0.5 }
     }
 
     /// Unoccluded factors in the corners of `receiver`; the last ones are that of its last corner.
@@ -285,8 +290,7 @@ impl Evaluator<'_> {
             std::array::from_fn(|k| if under >> k & 1 == 1 { 0.0 } else { values[k] })
         };
         let [from_a, from_b] = under.map(|under| without(through, under));
-        // Between neighbours hardly anything fits.
-        let unasked = if (a | b) & CLUSTER == 0 && self.is_near(a, b) { 1.0 } else { 0.5 };
+        let unasked = self.unasked(a, b);
         let at_a = sight(
             &without(seen(a, &|k| k), under[0]),
             &from_b,
