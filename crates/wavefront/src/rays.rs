@@ -216,7 +216,7 @@ mod tests {
     use isolux_core::tree::Path;
 
     /// Catches noise that is taken for less than it is where near parts of a source outweigh all others: a wall that begins a
-    /// tenth of its length away counts by a quarter of its strata at most, one that is far away by all.
+    /// tenth of its length away counts by a quarter of its strata, one that is far away by three quarters.
     #[test]
     fn a_source_that_is_near_at_one_end_is_uneven() {
         let wall = |from: f32| {
@@ -224,8 +224,8 @@ mod tests {
             Element::new(corners, 4, 0, u32::MAX, Path::root(0))
         };
         let seen = |from: f32| evenness(Vec3::ZERO, Vec3::Z, &wall(from), Vec3::NEG_X);
-        // A wall that stands on the receiver's plane: its lowest strata lie flat, its highest far off.
-        assert!(seen(0.1) < 0.3, "{}", seen(0.1));
+        // Measured 0.24 and 0.76: of a wall on the receiver's plane the lowest strata lie flat from afar, too.
+        assert!(seen(0.1) < 0.26, "{}", seen(0.1));
         assert!(seen(10.0) > 0.7, "{}", seen(10.0));
     }
 }
