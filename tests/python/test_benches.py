@@ -206,8 +206,12 @@ def test_a_solve_is_measured(tmp_path: Path):
 
 
 def test_a_path_that_slipped_through_a_crack_lights_nothing() -> None:
-    """Catches covered points that count since one path reached them, and dim or noisy ones that do not count."""
-    values = np.array([[0.0, 0.0, 0.0], [2e-5, 1e-5, 5e-6], [2e-5, 1e-5, 5e-6], [0.1, 0.1, 0.1], [1.0, 1.0, 1.0]])
-    errors = np.array([[0.0, 0.0, 0.0], [2e-5, 1e-5, 5e-6], [1e-5, 5e-6, 2e-6], [0.1, 0.1, 0.1], [0.01, 0.01, 0.01]])
+    """Catches covered points that count since one path reached them, and dim or noisy ones that do not."""
+    values = np.array(
+        [[0.0, 0.0, 0.0], [2e-5, 1e-5, 5e-6], [2e-5, 1e-5, 5e-6], [0.1, 0.1, 0.1], [1.0, 1.0, 1.0]]
+    )
+    errors = np.array(
+        [[0.0, 0.0, 0.0], [2e-5, 1e-5, 5e-6], [1e-5, 5e-6, 2e-6], [0.1, 0.1, 0.1], [0.01, 0.01, 0.01]]
+    )
     reference = harness.Reference(np.arange(5), np.full((5, 3), 1 / 3), values, errors)
     assert reference.unlit.tolist() == [True, True, False, False, False]
