@@ -9,6 +9,7 @@ use crate::ideas::Ideas;
 use crate::light::{Light, bands, rms};
 use crate::link::CLUSTER;
 use crate::order::Order;
+use crate::rays::RAYS;
 use crate::rounds::{Limit, Transport};
 use isolux_core::scene::Scene;
 use rayon::prelude::*;
@@ -132,6 +133,9 @@ const MOST_SETTLES: u32 = 5;
 /// What links say they leave may be this much above the asked error where rays find that it is reached.
 const SLACK: f64 = 2.5;
 
+/// How much more than that links may say before light is known well: what they say moves with it.
+const NEARLY: f64 = 1.1;
+
 /// Share of the asked error that a claim must keep below: it comes from some thousand points.
 const MARGIN: f64 = 0.85;
 
@@ -150,6 +154,9 @@ const POWERS: (f64, f64) = (0.2, 0.5);
 /// may grow in a stage: what is foreseen for a larger one is not to be relied on.
 const GROWTHS: (f64, f64) = (0.2, 1.0);
 const MOST_GROWTH: f64 = 4.0;
+
+/// How many times as many points a further check has.
+const MORE_POINTS: u64 = 4;
 
 /// Points of a check at most, where few leave too much doubt.
 const MOST_POINTS: usize = 1 << 15;
@@ -229,17 +236,27 @@ impl Prepared {
             let limit = Limit { error: (share * mean * mean * area) as f32, area: (request.least_area * area) as f32 };
             let begun = Instant::now();
             let before = transport.elements.len();
+            let traced = transport.evaluated + transport.packets;
             bound = transport.refine(&mut light, limit, &budget);
             if bound == Some(Bound::Stop) {
                 break;
             }
             let refined = begun.elapsed();
             settled = leaf_limit(limit);
-            let passes = settle(&mut light, &transport, settled, area, request.error, control);
+            // Where refinement goes on, light needs to be known no better than links are.
+            let coarse = stages.last().map_or(FIRST_AIM, |last| last.by_links / SLACK).max(request.error);
+            let mut passes = settle(&mut light, &transport, settled, area, coarse, control);
             mean = mean_irradiance(&light, scene, &transport);
-            let left = transport.remaining(&mut light);
+            let mut left = transport.remaining(&mut light);
             let relative = |square: f64, mean: f64| if mean > 0.0 { (square / area).sqrt() / mean } else { 0.0 };
-            let by_links = relative(left.sum(), mean);
+            let mut by_links = relative(left.sum(), mean);
+            if coarse > request.error && (bound.is_some() || by_links <= NEARLY * SLACK * request.error) {
+                let more = settle(&mut light, &transport, settled, area, request.error, control);
+                passes = [passes[0] + more[0], passes[1] + more[1]];
+                mean = mean_irradiance(&light, scene, &transport);
+                left = transport.remaining(&mut light);
+                by_links = relative(left.sum(), mean);
+            }
             if control.is_stopped() {
                 bound = Some(Bound::Stop);
                 break;
@@ -270,13 +287,16 @@ impl Prepared {
                     && !within(request.error, claimed.total, claimed.dark)
             };
             if let Some(found) = found.as_mut().filter(|found| is_doubted(found)) {
-                // Once, refinement may be the cheaper way.
+                // Refinement may be the cheaper way, but not twice.
+                let refinement = RAYS as u64 * (transport.evaluated + transport.packets - traced);
+                doubted |= MORE_POINTS * found.rays < refinement;
                 let has_time = || {
-                    let next = begun_check.elapsed().mul_f64(4.0);
+                    let next = begun_check.elapsed().mul_f64(MORE_POINTS as f64);
                     deadline.is_none_or(|deadline| Instant::now() + next <= deadline)
                 };
                 while doubted && is_doubted(found) && found.points < MOST_POINTS && has_time() {
-                    *found = check(&transport, &light, request.error, request.seed, Some(4 * found.points));
+                    let points = MORE_POINTS as usize * found.points;
+                    *found = check(&transport, &light, request.error, request.seed, Some(points));
                 }
                 doubted = true;
             }
