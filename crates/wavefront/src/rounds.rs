@@ -537,8 +537,9 @@ mod tests {
         Prepared::new(scene).solve(&Request::new(0.1), &Control::default())
     }
 
-    /// How much gets through along rays between random places of a link's ends, those that carry anything. Rays do not hit what
-    /// lies within a tolerance of either plane: low over one they would pass by much else there, and are left out.
+    /// How much gets through along rays between random places of a link's ends, those that carry anything. Rays do not
+    /// hit what lies within a tolerance of either plane: low over one they would pass by much else there, and are left
+    /// out.
     fn through(link: &Link, evaluator: &Evaluator<'_>) -> Vec<f32> {
         let geometry = evaluator.geometry;
         let [x, y] = [link.receiver, link.source].map(|node| &evaluator.elements[node as usize]);
@@ -559,8 +560,8 @@ mod tests {
         all
     }
 
-    /// Catches proofs of clearness that do not hold, or not for the parts of what they were made for: a link that says that it
-    /// is clear has that from a proof for what it is a part of, and is asked no more.
+    /// Catches proofs of clearness that do not hold, or not for the parts of what they were made for: a link that says
+    /// that it is clear has that from a proof for what it is a part of, and is asked no more.
     #[test]
     fn nothing_lies_between_what_is_proven_clear() {
         for (name, least) in [("room", 1000), ("two_rooms", 100)] {
