@@ -29,25 +29,34 @@ fn irradiance_above(solution: &Solution, point: DVec3) -> f64 {
     solution.irradiance_at(face, at).unwrap().mean()
 }
 
-/// Catches light that gets into the half behind a wall of no thickness, by an element, a link or a cluster on both sides.
+/// Catches light that gets into the half behind a wall of no thickness, by an element, a link or a cluster on both
+/// sides. One seed tells little: of 48 at an asked 5 % leaks are 0.0001 to 0.018 of the mean, of 24 at 2 % 0.0001 to
+/// 0.0012.
 #[test]
 fn it_is_dark_behind_a_wall_of_no_thickness() {
     let scene = shipped("leaks/thin_wall");
-    for (error, most) in [(0.05, 0.005), (0.02, 0.0005)] {
-        let solution = solved(&scene, &asked(error));
-        let (mut square, mut count, mut sum) = (0.0, 0.0, 0.0);
-        let all = points(&scene, 4000, 5);
-        for &(face, at) in &all {
-            let value = solution.irradiance_at(face, at).unwrap().mean();
-            sum += value;
-            if scene.position(face, at).x > 2.0 {
-                square += value * value;
-                count += 1.0;
+    let all = points(&scene, 4000, 5);
+    // At 5 % a fifth of what was asked, over half of all surfaces 2 % of its square; at 2 %, where elements are split
+    // along the wall's foot, a twentieth. Means are 0.0043 over 48 seeds, 0.0027 to 0.0069 over each eight of them, and
+    // 0.00029 over 24, 0.0002 to 0.0005 over each eight.
+    for (error, seeds, most) in [(0.05, 6, 0.2), (0.02, 4, 0.05)] {
+        let leak = |seed: u64| {
+            let solution = solved(&scene, &Settings { seed, ..asked(error) });
+            let (mut square, mut count, mut sum) = (0.0, 0.0, 0.0);
+            for &(face, at) in &all {
+                let value = solution.irradiance_at(face, at).unwrap().mean();
+                sum += value;
+                if scene.position(face, at).x > 2.0 {
+                    square += value * value;
+                    count += 1.0;
+                }
             }
-        }
-        let (leak, mean) = ((square / count).sqrt(), sum / all.len() as f64);
-        // Measured 0.0033 and 0.0003.
-        assert!(leak < most * mean, "{error}: {}", leak / mean);
+            let mean = sum / all.len() as f64;
+            f64::sqrt(square / count) / mean
+        };
+        let mean = (0..seeds).map(leak).sum::<f64>() / seeds as f64;
+        // Measured 0.0029 and 0.0005.
+        assert!(mean < most * error, "{error}: {mean}");
     }
 }
 

@@ -41,7 +41,7 @@ fn all_but(idea: &str) -> Result<Ideas, String> {
 
 fn solve(scene: &str, error: f64, points: &str, out: &str, ideas: Ideas) -> Result<(), Box<dyn Error>> {
     let scene = Arc::new(Scene::build(read(scene.as_ref(), &ReadOptions::default())?, &BuildOptions::default())?);
-    let points = std::fs::read(points)?;
+    let points = read_points(points, &scene)?;
     let request = Request { least_area: LEAST_AREA, ideas, ..Request::new(error) };
     let start = Instant::now();
     let prepared = Prepared::new(scene.clone());
@@ -64,20 +64,40 @@ fn solve(scene: &str, error: f64, points: &str, out: &str, ideas: Ideas) -> Resu
     Ok(())
 }
 
-/// Rows of irradiance for rows of points.
-fn irradiances(points: &[u8], scene: &Scene, outcome: &Outcome) -> Vec<u8> {
-    let (numbers, _) = points.as_chunks::<8>();
+/// A face, and barycentric coordinates there.
+type Point = (u32, [f64; 3]);
+
+/// Reads rows of points on faces of a scene.
+fn read_points(path: &str, scene: &Scene) -> Result<Vec<Point>, String> {
+    let bytes = std::fs::read(path).map_err(|error| format!("{path}: {error}"))?;
+    let (numbers, rest) = bytes.as_chunks::<8>();
     let numbers: Vec<f64> = numbers.iter().map(|bytes| f64::from_le_bytes(*bytes)).collect();
-    let (rows, _) = numbers.as_chunks::<4>();
-    let irradiance = |&[face, a, b, c]: &[f64; 4]| {
-        let face = face as u32;
+    let (rows, more) = numbers.as_chunks::<4>();
+    if !rest.is_empty() || !more.is_empty() {
+        return Err(format!("{path}: {} bytes are not rows of four doubles", bytes.len()));
+    }
+    let faces = scene.face_polygon.len();
+    let point = |(row, &[face, a, b, c]): (usize, &[f64; 4])| {
+        if face.fract() != 0.0 || !(0.0..faces as f64).contains(&face) {
+            return Err(format!("{path}, row {row}: no face has the number {face}; there are {faces}"));
+        }
+        if ![a, b, c].iter().all(|at| at.is_finite()) {
+            return Err(format!("{path}, row {row}: [{a}, {b}, {c}] is no place on a face"));
+        }
+        Ok((face as u32, [a, b, c]))
+    };
+    rows.iter().enumerate().map(point).collect()
+}
+
+/// Rows of irradiance for points.
+fn irradiances(points: &[Point], scene: &Scene, outcome: &Outcome) -> Vec<u8> {
+    let irradiance = |&(face, at): &Point| {
         let polygon = scene.face_polygon[face as usize];
         if polygon == Scene::NO_POLYGON {
             return [f64::NAN; 3];
         }
         let normal = scene.polygons[polygon as usize].plane.normal;
-        let point = scene.position(face, [a, b, c]);
-        irradiance_at(&outcome.elements, &outcome.fields, polygon, normal, point).0
+        irradiance_at(&outcome.elements, &outcome.fields, polygon, normal, scene.position(face, at)).0
     };
-    rows.iter().flat_map(irradiance).flat_map(f64::to_le_bytes).collect()
+    points.iter().flat_map(irradiance).flat_map(f64::to_le_bytes).collect()
 }

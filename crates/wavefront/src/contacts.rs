@@ -298,29 +298,70 @@ enum Seen {
 fn look_around(point: Vec3, polygon: u32, geometry: &Geometry) -> Option<Vec<Seen>> {
     let normal = geometry.surfaces[polygon as usize].normal;
     let (tangent, bitangent) = normal.any_orthonormal_pair();
-    let far = 4.0 * geometry.scene.diameter as f32;
     let mut seen = Vec::with_capacity(LOOKS.len());
     for (index, &(height, turn)) in LOOKS.iter().enumerate() {
         if index == FIRST && !seen.iter().any(|seen| matches!(seen, Seen::Back)) {
             return None;
         }
         let (across, along) = libm::sincosf(turn);
-        let (rise, run) = libm::sincosf(height);
-        let direction = (tangent * along + bitangent * across) * run + normal * rise;
-        let start = 2.0 * geometry.tolerance / rise;
-        let hit = geometry.bvh.closest(geometry.backend, point.to_array(), direction.to_array(), start, far);
-        seen.push(hit.map_or(Seen::Nothing, |hit| {
-            let polygon = geometry.polygon_of[hit.primitive as usize];
-            let front = &geometry.scene.polygons[polygon as usize];
-            let solid = front.twin.is_none() && front.mask.is_none() && front.opacity >= 1.0;
-            let place = point + direction * hit.t;
-            if !solid || geometry.surfaces[polygon as usize].normal.dot(direction) <= 0.0 {
-                return Seen::Front(place, polygon);
-            }
-            geometry.overlaps.before_back(polygon, place).map_or(Seen::Back, |side| Seen::Front(place, side))
-        }));
+        seen.push(look(point, normal, tangent * along + bitangent * across, height, geometry));
     }
     Some(seen)
+}
+
+/// Most places at which one look goes on from where two single-sided faces lie back to back.
+const MOST_TURNS: usize = 16;
+
+/// Height of looks that go on from there, radians: that of the low ones.
+const TURNED: f32 = 0.25;
+
+/// What a look sees from a point on a plane with a normal, along a unit vector of the plane and `height` radians above
+/// it.
+///
+/// Where two single-sided faces lie back to back, the wall of the next room and the side of the next box of a stack
+/// look alike: the front of one, and the black back of the other. There a look goes on, low over that place, until it
+/// sees something else. Between the floors of a house it finds the walls of the storey, in a stack the sides of the
+/// box.
+fn look(point: Vec3, normal: Vec3, along: Vec3, height: f32, geometry: &Geometry) -> Seen {
+    let far = 4.0 * geometry.scene.diameter as f32;
+    let (mut from, mut normal, mut along, mut height) = (point, normal, along, height);
+    for _ in 0..=MOST_TURNS {
+        let (rise, run) = libm::sincosf(height);
+        let direction = along * run + normal * rise;
+        let start = 2.0 * geometry.tolerance / rise;
+        let hit = geometry.bvh.closest(geometry.backend, from.to_array(), direction.to_array(), start, far);
+        let Some(hit) = hit else { return Seen::Nothing };
+        let polygon = geometry.polygon_of[hit.primitive as usize];
+        let front = &geometry.scene.polygons[polygon as usize];
+        let solid = front.twin.is_none() && front.mask.is_none() && front.opacity >= 1.0;
+        let place = from + direction * hit.t;
+        if !solid {
+            return Seen::Front(place, polygon);
+        }
+        let faces = geometry.surfaces[polygon as usize].normal.dot(direction) <= 0.0;
+        let other = geometry.overlaps.before_back(polygon, place);
+        let side = if faces {
+            polygon
+        } else if let Some(other) = other {
+            other
+        } else {
+            return Seen::Back;
+        };
+        // Of polygons that face the same way only lit backs are met before a black one.
+        let is_single = |side: u32| {
+            (side as usize) < geometry.scene.fronts && geometry.scene.polygons[side as usize].twin.is_none()
+        };
+        if !other.is_some_and(is_single) {
+            return Seen::Front(place, side);
+        }
+        from = place;
+        normal = geometry.surfaces[side as usize].normal;
+        let flat = direction - normal * normal.dot(direction);
+        along = flat.try_normalize().unwrap_or_else(|| normal.any_orthonormal_vector());
+        height = TURNED;
+    }
+    // As far as it went there were rooms without an end.
+    Seen::Nothing
 }
 
 /// Quarters elements, those that are not yet; which of the quarters' parts are covered is found side by side.
@@ -349,4 +390,72 @@ fn quarters_of(element: &Element, own: u32, geometry: &Geometry) -> [Element; 4]
         }
     }
     quarters
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use super::*;
+    use isolux_core::DVec3;
+    use isolux_core::scene::{Alpha, BuildOptions, Face, Material, Object, Scene, SceneInput, Surface};
+    use isolux_core::units::Rgb;
+    use std::sync::Arc;
+
+    /// A floor of 4 x 4 about the middle, and a wall that stands on it at x = 0 from z = -1 to z = 1.
+    fn floor_and_wall() -> Geometry {
+        let surface = Surface { reflectance: Rgb::splat(0.5), emission: Rgb::ZERO, opacity: 1.0 };
+        let faces = [
+            [[-2.0, 0.0, -2.0], [-2.0, 0.0, 2.0], [2.0, 0.0, 2.0], [2.0, 0.0, -2.0]],
+            [[0.0, 0.0, -1.0], [0.0, 0.0, 1.0], [0.0, 1.0, 1.0], [0.0, 1.0, -1.0]],
+        ];
+        let faces = faces.map(|corners| {
+            let corners = corners.map(DVec3::from_array).to_vec();
+            Face { object: 0, material: 0, corners, uv: None, surface: None }
+        });
+        let material =
+            Material { name: "paint".into(), surface, two_sided: false, alpha: Alpha::Opaque, texture: None };
+        let input = SceneInput {
+            name: "test".into(),
+            metres_per_unit: 1.0,
+            objects: vec![Object { name: "thing".into() }],
+            materials: vec![material],
+            faces: faces.to_vec(),
+            ..SceneInput::default()
+        };
+        let mut geometry = Geometry::new(Arc::new(Scene::build(input, &BuildOptions::default()).unwrap()));
+        let roots = geometry.bare_roots();
+        let clusters = Clusters::new(&roots, &vec![true; roots.len()]);
+        geometry.contacts = Contacts::new(&geometry, &clusters, &roots);
+        geometry
+    }
+
+    /// Catches points of a check that stand where rounding decides which side of a wall they are on, and points that
+    /// are left out though they do not: the wall's foot ends inside the floor.
+    #[test]
+    fn a_point_is_on_a_line_within_a_few_tolerances_of_it() {
+        let geometry = floor_and_wall();
+        let (floor, wall) = (geometry.root(0), geometry.root(1));
+        let (tolerance, height) = (geometry.tolerance, floor.corners[0].y);
+        let is_on = |x: f32, z: f32, element: &Element| is_on_line(Vec3::new(x, height, z), element, &geometry);
+        for (distance, expected) in [(0.0, true), (BESIDE - 1.0, true), (BESIDE + 1.0, false), (1000.0, false)] {
+            let off = distance * tolerance;
+            for z in [-0.9, 0.0, 0.3] {
+                assert_eq!(is_on(off, z, &floor), expected, "{distance} {z}");
+                assert_eq!(is_on(-off, z, &floor), expected, "{distance} {z}");
+            }
+            // Beyond either end, and in all directions about it alike.
+            for end in [-1.0_f32, 1.0] {
+                assert_eq!(is_on(0.0, end + end * off, &floor), expected, "{distance} {end}");
+                let aside = off * std::f32::consts::FRAC_1_SQRT_2;
+                assert_eq!(is_on(aside, end + end * aside, &floor), expected, "{distance} {end}");
+            }
+        }
+        // The wall only ends there; nothing stands on it.
+        assert!(!is_on(0.0, 0.0, &wall));
+        // Of the floor's quarters those that the line does not come near have none.
+        let near: Vec<bool> = floor.quarters(0).iter().map(|quarter| is_on(0.0, 0.5, quarter)).collect();
+        assert!(near.contains(&true), "{near:?}");
+        let corner = floor.quarters(0)[0].quarters(0)[0];
+        assert!(!is_on(corner.centre().x, corner.centre().z, &corner));
+    }
 }

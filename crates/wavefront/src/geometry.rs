@@ -257,7 +257,7 @@ impl Geometry {
     }
 
     /// The lit side that a ray meets which hits a front, from either side, at a place; nothing for a black back. And whether
-    /// that side is not the front's own: it lies on it, and is opaque.
+    /// that side is not the front's own: it lies on it, or back to back with it, and is opaque.
     pub(crate) fn met(&self, front: u32, place: Vec3, direction: Vec3) -> (Option<u32>, bool) {
         let faces = self.surfaces[front as usize].normal.dot(direction) < 0.0;
         let own = if faces { Some(front) } else { self.scene.polygons[front as usize].twin };

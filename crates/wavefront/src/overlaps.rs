@@ -1,12 +1,13 @@
 //! Faces that lie in one place: faces that lie in one plane and overlap go in; which of them light meets at a place comes
 //! out.
 //!
-//! **The rule.** Of opaque faces that lie in one plane and face the same way, the later one in the scene's order lies on
-//! top: where it is, the earlier one is covered. Faces with a mask, or that let light pass, cover nothing. A face that faces
-//! the other way covers nothing either. A black back is met only where no lit back of a polygon that faces as its own lies.
+//! **The rule.** Of opaque faces that lie in one plane and face the same way, the later one in the scene's order lies
+//! on top: where it is, the earlier one is covered. Faces with a mask, or that let light pass, cover nothing. Faces
+//! back to back do not cover each other: a ray meets the one that faces it. A black back is met only where nothing
+//! opaque and lit lies that faces as it does, be it the front of a polygon behind it or the back of a two-sided one.
 //!
-//! A **face** here is a side that surfaces have, by its number, or the black back of a front without a lit one. Most scenes
-//! have none that overlap, and nothing to ask.
+//! A **face** here is a side that surfaces have, by its number, or the black back of a front without a lit one. In most
+//! scenes nothing lies on a side, and there is nothing to ask but by rays that meet black backs.
 
 use crate::geometry::Geometry;
 use crate::packed::{Extent, Packed};
@@ -46,6 +47,8 @@ impl Extent for Cover {
 #[derive(Clone, Default)]
 pub(crate) struct Overlaps {
     covers: Packed<Cover>,
+    /// Does any of it lie on a side, not only in the place of a black back?
+    on_sides: bool,
     /// Number of sides; the back of front f without a lit one is face `sides + f`.
     sides: u32,
     tolerance: f32,
@@ -92,20 +95,21 @@ impl Overlaps {
                 for (own, other) in own.into_iter().zip(others) {
                     match (own, other) {
                         (Some(own), Some(other)) => put(own, later, other),
-                        // Here one of them is a black back, which the lit side of the other lies on.
-                        (None, Some(other)) if alike => put(sides + earlier, later, other),
-                        (Some(own), None) if alike => put(sides + later, earlier, own),
-                        _ => {}
+                        // Here one of them is a black back, in place of which rays meet the lit side of the other.
+                        (None, Some(other)) => put(sides + earlier, later, other),
+                        (Some(own), None) => put(sides + later, earlier, own),
+                        (None, None) => {}
                     }
                 }
             }
         }
-        Overlaps { covers: Packed::new(lists), sides, tolerance: geometry.tolerance }
+        let on_sides = lists[..sides as usize].iter().any(|list| !list.is_empty());
+        Overlaps { covers: Packed::new(lists), on_sides, sides, tolerance: geometry.tolerance }
     }
 
-    /// Do no two faces overlap?
+    /// Does nothing lie on any side? In the place of black backs there may be something still.
     pub(crate) fn is_empty(&self) -> bool {
-        self.covers.is_empty()
+        !self.on_sides
     }
 
     /// Does anything lie on a side, in its plane?

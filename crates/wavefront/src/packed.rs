@@ -80,11 +80,6 @@ impl<T: Extent + Copy> Packed<T> {
         matches!(self.start.get(owner as usize..=owner as usize + 1), Some(&[from, to]) if from < to)
     }
 
-    /// Does nobody have any?
-    pub(crate) fn is_empty(&self) -> bool {
-        self.items.is_empty()
-    }
-
     /// Those of an owner that are in boxes which meet the box from `low` to `high`.
     pub(crate) fn near(&self, owner: u32, low: Vec3, high: Vec3) -> impl Iterator<Item = &T> {
         let mut at = self.start.get(owner as usize).copied().unwrap_or(0);

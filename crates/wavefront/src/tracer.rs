@@ -45,8 +45,9 @@ impl Tracer {
     }
 
     /// The first polygon that a ray meets, from either side, no farther than `most` metres (which may be infinite).
-    /// `direction` is of unit length. Transparent texels of masks are passed; a polygon of opacity below 1 is met. What the
-    /// start lies on, to a millionth of the scene's size, is not met.
+    /// `direction` is of unit length. Transparent texels of masks are passed; a polygon of opacity below 1 is met. What
+    /// the start lies on, to a millionth of the scene's size, is not met. Of opaque faces in one plane the last one
+    /// that faces the ray is met, where there is one, whichever lies before the other.
     ///
     /// Rays are followed in single precision; where they meet a polygon is then computed in double.
     #[must_use]

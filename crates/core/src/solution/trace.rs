@@ -33,7 +33,9 @@ pub(super) fn trace<P: Probe>(
         let position = start + direction * hit.distance;
         let polygon = &scene.polygons[hit.polygon as usize];
         if polygon.mask.is_some() || polygon.opacity >= 1.0 || stream.next_unit() < polygon.opacity {
-            let side = if hit.front_facing { Some(hit.polygon) } else { polygon.twin };
+            // In place of a black back light meets the front of the wall that stands back to back with it.
+            let behind = || bsp.front_at(scene, start, direction, hit.distance);
+            let side = if hit.front_facing { Some(hit.polygon) } else { polygon.twin.or_else(behind) };
             return Some(Ending { side, position });
         }
         start = position + direction * step;

@@ -2,7 +2,7 @@
 //! here, what a hit means for light is left to the caller. Fragments stand for whole polygons (D2).
 
 use super::{Bsp, MARGIN, Stack, Surface};
-use crate::kernels::Probe;
+use crate::kernels::{NoProbe, Probe};
 use crate::scene::{Plane, Scene};
 use glam::DVec3;
 use std::ops::ControlFlow;
@@ -89,6 +89,22 @@ impl Bsp {
             ControlFlow::Continue(())
         });
         best
+    }
+
+    /// The opaque front that a ray arrives at `distance` from `origin`, to the tolerance; of several the first in the
+    /// scene.
+    pub(crate) fn front_at(&self, scene: &Scene, origin: DVec3, direction: DVec3, distance: f64) -> Option<u32> {
+        let mut segment = self.segment(origin, direction, distance + self.tolerance);
+        segment.t_min = distance - self.tolerance;
+        let mut found = None;
+        self.walk(&mut segment, &mut NoProbe, |segment, polygon, surface, t| {
+            let is_first = found.is_none_or(|found| polygon < found);
+            if is_first && surface.faces(&segment.delta) && opacity(scene, surface, polygon, segment.at(t)) >= 1.0 {
+                found = Some(polygon);
+            }
+            ControlFlow::Continue(())
+        });
+        found
     }
 
     /// Calls `visit` for every polygon that a ray hits, nearest first (equal distances in the scene's order), with the
