@@ -216,17 +216,19 @@ class RelitReport:
     scene_hash: str
     #: Mean irradiance with all weights 1, W/m² or lm/m².
     mean_irradiance: Bands
-    #: Error estimate of the solve. With other reflectances it is carried over: links were refined for the old
-    #: ones, and nothing was measured since.
+    #: Error estimate of the solve.
     error_estimate: ErrorEstimate | None
     weights: tuple[WeightReport, ...]
     #: Materials that were given other reflectances.
     reflectance: tuple[ReflectanceReport, ...]
+    #: Whether the report's error estimate is that of this very mix, as rays found it. Where the light by
+    #: groups comes from an older version it is bounded by the solve's.
+    measured: bool = False
 
     @property
     def carried_over(self) -> bool:
-        """Whether the estimate was made for other reflectances."""
-        return bool(self.reflectance)
+        """Whether the estimate was made for other reflectances, as older versions did."""
+        return bool(self.reflectance) and not self.measured
 
 
 @dataclasses.dataclass(frozen=True)
@@ -363,6 +365,7 @@ def _relit(values: Mapping[str, Any]) -> RelitReport:
             ReflectanceReport(entry["material"], _bands(entry["reflectance"]))
             for entry in values["reflectance"]
         ),
+        measured=values.get("measured", False),
     )
 
 

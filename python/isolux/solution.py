@@ -173,8 +173,8 @@ class Solution:
         """Dim, brighten or colour light groups; give materials other reflectances.
 
         Other weights take milliseconds: the solution keeps the light of each group, and a mix is their sum.
-        Other reflectances are gathered anew over the links of the solve, without tracing a ray; the links
-        stay refined for the old ones.
+        Other reflectances are gathered anew over the links of the solve, which stay refined for the old ones,
+        and checked anew by rays. Ctrl-C is heard.
 
         Parameters
         ----------
@@ -192,8 +192,9 @@ class Solution:
         -------
         Solution
             Of the scene as it is lit now. ``report.relit`` tells of the weights. ``report.error_estimate`` is
-            that of the solve times the largest weight, relative to the new mean irradiance: it holds where
-            errors of different groups did not cancel each other in the solve.
+            that of this mix, by rays that were asked for the light of each group when it was made. Where an
+            older version made it (``report.relit.measured`` is False) it is a bound: that of the solve times
+            the largest weight, relative to the new mean irradiance.
 
         Raises
         ------

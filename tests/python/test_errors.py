@@ -65,7 +65,7 @@ EXPECTED = {
         "reflectance of 'oak' is 1.5: expected at least 0, below 1, and at most the opacity, 1",
     ),
     "RelightError::Settings": ("SettingsError", "setting 'error' is -1: expected a number above 0"),
-    "RelightError::Internal": ("InternalError", "columns ended"),
+    "RelightError::Cancelled": ("KeyboardInterrupt", "cancelled"),
     "RenderError::NoSuchCamera": ("RenderError", "there is no camera 'hall'; the scene has: attic"),
     "RenderError::View": ("RenderError", "view: eye and target coincide"),
     "RenderError::Gather": ("RenderError", "gather: 0 rays (1 to 65536)"),

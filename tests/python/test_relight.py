@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
+import time
 
 import numpy as np
 import pytest
@@ -68,8 +71,12 @@ def test_lamps_add_up(both):
     assert half.report.error_estimate == both.report.error_estimate
     assert [group.weight for group in one.light_groups] == [(0.0, 0.0, 0.0), (1.0, 1.0, 1.0)]
     assert one.report.relit.weights[0].group == "left"
+    assert one.report.relit.measured
     assert not one.report.relit.carried_over
-    assert one.report.error_estimate.total > both.report.error_estimate.total
+    claimed = one.report.error_estimate
+    assert claimed != both.report.error_estimate
+    assert 0 < claimed.total < 2 * ERROR
+    assert claimed.dark > 0
     red = both.relight({"left": 0.0, "ceiling": (1.0, 0.0, 0.0)})
     np.testing.assert_allclose(light(red)[:, 0], light(one)[:, 0], rtol=1e-6)
     assert not light(red)[:, 1:].any()
@@ -99,10 +106,12 @@ def test_a_relit_solution_is_a_solution(both, tmp_path):
 
 
 def test_other_reflectances_are_those_of_another_scene(both):
-    """Catches a gather with the old reflectances, and an estimate told of as if it were measured."""
+    """Catches a gather with the old reflectances, and an estimate of what it was before."""
     dark = both.relight({"left": 0.5}, reflectance={"oak floor": (0.1, 0.2, 0.05)})
     report = dark.report
-    assert report.relit.carried_over
+    assert report.relit.measured
+    assert not report.relit.carried_over
+    assert report.error_estimate != report.relit.error_estimate
     assert report.relit.reflectance[0].reflectance == (0.1, 0.2, 0.05)
     scene = two_lamps((0.1, 0.2, 0.05))
     anew = isolux.solve(scene, error=ERROR, schedule="wavefront").relight({"left": 0.5})
@@ -130,6 +139,28 @@ def test_what_makes_no_sense_is_named(both, sequential):
         sequential.relight({"ceiling": 0.5})
 
 
+@pytest.mark.usefixtures("interruptible")
+def test_ctrl_c_ends_the_work():
+    """Catches Ctrl-C that is heard while the work goes on in the background, for nobody."""
+    solution = isolux.solve(two_lamps(), error=0.01, threads=1)
+    start = time.process_time()
+    solution.relight(reflectance={"paint": 0.4}, threads=1)
+    whole = time.process_time() - start
+    before = signal.getsignal(signal.SIGALRM)
+    signal.signal(signal.SIGALRM, lambda *_: os.kill(os.getpid(), signal.SIGINT))
+    signal.setitimer(signal.ITIMER_REAL, 0.05 * whole)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            solution.relight(reflectance={"paint": 0.3}, threads=1)
+        start = time.process_time()
+        time.sleep(3 * whole)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+    assert time.process_time() - start < 0.5 * whole
+    solution.relight(reflectance={"paint": 0.3})
+
+
 def test_one_lamp_keeps_nothing_twice(tmp_path):
     """Catches columns that are stored where there is one lamp, whose light is all of it."""
     one = isolux.solve(lamp(), error=ERROR, schedule="wavefront")
@@ -155,7 +186,8 @@ def test_the_command_relights(isolux_command, both, saved, tmp_path):
     assert relit["reflectance"] == [{"material": "oak floor", "reflectance": [0.1, 0.1, 0.1]}]
     assert relit["weights"][0] == {"group": "left", "weight": [1.0, 1.0, 1.0]}
     table = isolux_command("relight", out, "--reflectance", "oak floor=0.1", "-o", tmp_path / "p.isolux")
-    assert "carried over" in table.stdout
+    assert "oak floor 0.1" in table.stdout
+    assert "by the largest weight" not in done.stdout
 
 
 def test_the_command_refuses(isolux_command, sequential, scene_file, saved, tmp_path):

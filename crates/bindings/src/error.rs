@@ -108,7 +108,8 @@ impl PythonError for FacadeRelightError {
             | FacadeRelightError::NoSuchMaterial { .. }
             | FacadeRelightError::Reflectance { .. } => RelightError::new_err(message),
             FacadeRelightError::Settings(error) => error.exception(),
-            FacadeRelightError::Internal(what) => internal(what),
+            // What a signal handler raised is what the caller sees; this is for whoever just says stop.
+            FacadeRelightError::Cancelled => pyo3::exceptions::PyKeyboardInterrupt::new_err(message),
         }
     }
 }
@@ -265,7 +266,7 @@ pub(crate) fn error_samples(py: Python<'_>) -> PyResult<Bound<'_, PyList>> {
             FacadeRelightError::Reflectance { name: "oak".into(), value: "1.5".into(), most: 1.0 }.exception(),
         ),
         ("RelightError::Settings", FacadeRelightError::Settings(settings()).exception()),
-        ("RelightError::Internal", FacadeRelightError::Internal("columns ended".into()).exception()),
+        ("RelightError::Cancelled", FacadeRelightError::Cancelled.exception()),
         (
             "RenderError::NoSuchCamera",
             FacadeRenderError::NoSuchCamera { name: "hall".into(), available: "attic".into() }.exception(),

@@ -5,7 +5,7 @@ use crate::error::{SolutionFileError, WriteError, internal, to_python};
 use crate::observer::PythonObserver;
 use crate::panics::guarded;
 use crate::scene::Scene;
-use crate::waiting::interruptible;
+use crate::waiting::{interruptible, stoppable};
 use isolux::core::DVec3;
 use isolux::core::units::Rgb;
 use isolux::flat;
@@ -105,7 +105,8 @@ impl Solution {
     /// Everything as a JSON object and named arrays, made once per call.
     fn to_record<'py>(&self, py: Python<'py>) -> PyResult<(String, Bound<'py, PyDict>)> {
         let solution = self.inner.clone();
-        let record = interruptible(py, move || solution.to_record())?;
+        let record = stoppable(py, move |control| solution.to_record_until(control))?;
+        let record = record.ok_or_else(|| to_python(isolux::RelightError::Cancelled))?;
         Ok((record.attributes, dictionary(py, record.arrays)?))
     }
 
@@ -159,7 +160,7 @@ impl Solution {
     ) -> PyResult<Solution> {
         let solution = self.inner.clone();
         let changes = Changes { weights, reflectance, threads };
-        let relit = interruptible(py, move || solution.relight(&changes))?.map_err(to_python)?;
+        let relit = stoppable(py, move |control| solution.relight_until(&changes, control))?.map_err(to_python)?;
         Ok(Solution { inner: Arc::new(relit) })
     }
 

@@ -3,7 +3,9 @@
 
 use crate::error::internal;
 use crate::panics::guarded;
+use isolux::Control;
 use pyo3::prelude::*;
+use std::sync::Arc;
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
 
@@ -40,4 +42,18 @@ pub(crate) fn interruptible<T: Send + 'static>(
             Err(RecvTimeoutError::Disconnected) => return Err(internal("a thread was lost".into())),
         }
     }
+}
+
+/// The same for work that ends soon when its control says stop, which it does when a signal handler raises.
+pub(crate) fn stoppable<T: Send + 'static>(
+    py: Python<'_>,
+    work: impl FnOnce(&Control) -> T + Send + 'static,
+) -> PyResult<T> {
+    let control = Arc::new(Control::default());
+    let theirs = control.clone();
+    let done = interruptible(py, move || work(&theirs));
+    if done.is_err() {
+        control.stop();
+    }
+    done
 }

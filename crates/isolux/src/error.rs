@@ -147,9 +147,9 @@ pub enum RelightError {
     /// A setting makes no sense.
     #[error(transparent)]
     Settings(#[from] SettingsError),
-    /// An invariant is broken: a defect of the program.
-    #[error("internal: {0}")]
-    Internal(String),
+    /// It was asked to stop.
+    #[error("cancelled")]
+    Cancelled,
 }
 
 /// Why no picture came out.

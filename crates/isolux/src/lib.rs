@@ -30,7 +30,7 @@ pub use report::{
 pub use settings::{Quality, Schedule, Settings};
 
 pub use isolux_core::solution::{Interpolation, Roots, Update};
-pub use isolux_wavefront::{ClusterColumns, LinkColumns, Meeting, NO_GROUP, Tracer};
+pub use isolux_wavefront::{ClusterColumns, Control, LinkColumns, Meeting, NO_GROUP, PointErrors, Tracer};
 pub use solution::Solution;
 pub use solve::solve;
 pub use wavefront::{Columns, Transported};

@@ -9,7 +9,7 @@ use isolux_core::solution::{Light, Phase, Progress, SmoothPlan, Unobserved, Watc
 use isolux_core::tree::{Bsp, Element, ElementId, Elements, Path};
 use isolux_core::units::{Rgb, Unit};
 use isolux_core::{DVec2, DVec3};
-use isolux_wavefront::{ClusterColumns, LinkColumns};
+use isolux_wavefront::{ClusterColumns, LinkColumns, PointErrors};
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 use std::sync::{Arc, OnceLock};
@@ -105,6 +105,9 @@ struct Attributes {
     /// Names of the light groups, where the light is kept by them.
     #[serde(default)]
     groups: Vec<String>,
+    /// Points at which rays told how wrong the light of each group is; 0 where they were not asked.
+    #[serde(default)]
+    points: u32,
     /// See [`Transported::limit`].
     #[serde(default)]
     limit: f32,
@@ -183,6 +186,7 @@ pub(crate) fn write(solution: &Solution, columns: Option<&Columns>) -> Record {
             .collect(),
         report: solution.report.clone(),
         groups: columns.map_or_else(Vec::new, |columns| columns.names.clone()),
+        points: columns.map_or(0, |columns| columns.points.len() as u32),
         limit: solution.transport.as_ref().map_or(0.0, |transport| transport.limit),
     };
     let polygons = &scene.polygons;
@@ -274,6 +278,13 @@ fn transport_arrays(transport: &Transported, columns: Option<&Columns>, arrays: 
     let leaves = columns.fields.first().map_or(0, Vec::len);
     let values = columns.fields.iter().flatten().flatten().flatten().copied().collect();
     arrays.push(table("groups/field", &[columns.fields.len(), leaves, 5, 3], Data::F32(values)));
+    let (points, groups) = (&*columns.points, columns.fields.len());
+    if !points.is_empty() {
+        let values = points.irradiance.iter().flatten().flatten().copied().collect();
+        arrays.push(table("groups/point_irradiance", &[groups, points.len(), 3], Data::F32(values)));
+        let values = points.errors.iter().flatten().flatten().flatten().copied().collect();
+        arrays.push(table("groups/point_error", &[groups, points.len(), 2, 3], Data::F32(values)));
+    }
 }
 
 /// Arrays of a record, to be taken out one by one with their expected shape.
@@ -386,7 +397,8 @@ pub(crate) fn read(record: Record) -> Result<Solution, RecordError> {
         serde_json::from_value(raw).map_err(|error| inconsistent("attributes", error.to_string()))?;
     let mut shelf = Shelf { arrays: record.arrays.into_iter().map(|array| (array.name.clone(), array)).collect() };
     let report = attributes.report.clone();
-    let beyond = Beyond { format: attributes.format, groups: attributes.groups.clone(), limit: attributes.limit };
+    let Attributes { format, limit, points, .. } = attributes;
+    let beyond = Beyond { format, groups: attributes.groups.clone(), points, limit };
     let (scene, active) = read_scene(attributes, &mut shelf)?;
     if let Err(error) = report.settings.validate() {
         return Err(inconsistent("attributes/report", error.to_string()));
@@ -412,13 +424,14 @@ struct Part {
 struct Beyond {
     format: u64,
     groups: Vec<String>,
+    points: u32,
     limit: f32,
 }
 
 /// A solution of `wavefront`.
 fn read_transported(part: Part, beyond: Beyond, shelf: &mut Shelf) -> Result<Solution, RecordError> {
     let Part { scene, active, report } = part;
-    let Beyond { format, groups, limit } = beyond;
+    let Beyond { format, groups, points, limit } = beyond;
     let elements = read_elements(&scene, shelf)?;
     let radiosity = shelf.rgb("elements/radiosity", elements.len())?;
     let irradiance = shelf.rgb("elements/irradiance", elements.len())?;
@@ -456,7 +469,7 @@ fn read_transported(part: Part, beyond: Beyond, shelf: &mut Shelf) -> Result<Sol
     let columns = if groups.is_empty() {
         OnceLock::new()
     } else {
-        Arc::new(read_columns(groups, &elements, &scene, shelf)?).into()
+        Arc::new(read_columns(groups, points, &elements, &scene, shelf)?).into()
     };
     let transport = Transported { fields, links: Arc::new(links), clusters: Arc::new(clusters), limit, columns };
     transport.check(&scene, &elements, &light).map_err(|TransportViolation { name, what }| inconsistent(name, what))?;
@@ -466,6 +479,7 @@ fn read_transported(part: Part, beyond: Beyond, shelf: &mut Shelf) -> Result<Sol
 /// The light by groups.
 fn read_columns(
     names: Vec<String>,
+    points: u32,
     elements: &Elements,
     scene: &Scene,
     shelf: &mut Shelf,
@@ -478,7 +492,24 @@ fn read_columns(
     let fields: Vec<[[f32; 3]; 5]> = values.as_chunks().0.as_chunks().0.to_vec();
     same_length("groups/field", fields.len(), names.len() * leaves)?;
     let fields = fields.chunks(leaves.max(1)).map(<[_]>::to_vec).collect();
-    Ok(Columns { names, of, emission, fields })
+    let points = Arc::new(read_points(points, names.len(), shelf)?);
+    Ok(Columns { names, of, emission, fields, points })
+}
+
+/// How wrong the light by groups is, at so many points.
+fn read_points(count: u32, groups: usize, shelf: &mut Shelf) -> Result<PointErrors, RecordError> {
+    if count == 0 {
+        return Ok(PointErrors::default());
+    }
+    let count = count as usize;
+    let irradiance = shelf.f32("groups/point_irradiance", &[count, 3])?;
+    same_length("groups/point_irradiance", irradiance.len() / (3 * count), groups)?;
+    let errors = shelf.f32("groups/point_error", &[count, 2, 3])?;
+    same_length("groups/point_error", errors.len() / (6 * count), groups)?;
+    Ok(PointErrors {
+        irradiance: irradiance.as_chunks().0.chunks(count).map(<[_]>::to_vec).collect(),
+        errors: errors.as_chunks().0.as_chunks().0.chunks(count).map(<[_]>::to_vec).collect(),
+    })
 }
 
 /// A solution of `sequential`.

@@ -1,18 +1,18 @@
 //! Relighting: a solution of `wavefront` and new weights of its light groups go in, the solution of the dimmed scene comes
-//! out, without a gather; with new reflectances, after gathers over the links that are there, without a ray.
+//! out, without a gather; with new reflectances, after gathers over the links that are there. Rays only tell how wrong that is.
 
 use crate::groups::{LightGroups, light_groups};
 use crate::report::{ErrorEstimate, PhaseReport, ReflectanceReport, RelitReport, WeightReport};
+use crate::solve::Stopwatch;
 use crate::wavefront::{Columns, Transported, solution};
-use crate::{RelightError, Report, Solution, Status};
+use crate::{RelightError, Report, Settings, Solution, Status};
 use isolux_core::scene::{Alpha, Scene};
 use isolux_core::solution::Light;
 use isolux_core::tree::ElementId;
 use isolux_core::units::Rgb;
-use isolux_wavefront::{Control, NO_GROUP, Remains, Solved, light_of};
+use isolux_wavefront::{Control, NO_GROUP, PointErrors, Remains, Solved, light_of};
 use rayon::prelude::*;
 use std::sync::Arc;
-use std::time::Instant;
 
 /// Irradiance at an element's corners and middle.
 pub(crate) type Field = [[f32; 3]; 5];
@@ -55,39 +55,70 @@ pub(crate) fn place(solution: &isolux_core::tree::Elements, leaves: Vec<Field>, 
 }
 
 impl Solution {
-    /// The light by groups. It is made when it is first asked for, by gathers over the links that are there, to be dimmed
-    /// or saved; a solution that was opened or relit has it already.
+    /// The light by groups. It is made when it is first asked for, by gathers over the links that are there, and checked by
+    /// rays, to be dimmed or saved; a solution that was opened or relit has it already.
     ///
     /// # Errors
     /// [`RelightError`] where links for it are missing: of another schedule, an older file or a cancelled solve.
     pub fn columns(&self) -> Result<Arc<Columns>, RelightError> {
+        self.columns_until(&Control::default())
+    }
+
+    /// The same until `control` says stop. The solution is then as it was, and may be asked again.
+    ///
+    /// # Errors
+    /// As [`Solution::columns`], and [`RelightError::Cancelled`].
+    pub fn columns_until(&self, control: &Control) -> Result<Arc<Columns>, RelightError> {
+        self.columns_and_phases(control).map(|(columns, _)| columns)
+    }
+
+    /// With what it took to make them, if they were not there.
+    fn columns_and_phases(&self, control: &Control) -> Result<(Arc<Columns>, Vec<PhaseReport>), RelightError> {
         let Some(transport) = &self.transport else {
             return Err(RelightError::Schedule { schedule: self.report.schedule.name() });
         };
         if let Some(columns) = transport.columns.get() {
-            return Ok(columns.clone());
+            return Ok((columns.clone(), Vec::new()));
         }
-        let made = Arc::new(columns_of(self, transport)?);
+        let mut watch = Stopwatch::start();
+        let made = Arc::new(columns_of(self, transport, control, &mut watch)?);
         // That of one group is at hand anyway.
-        Ok(if made.names.len() > 1 { transport.columns.get_or_init(|| made).clone() } else { made })
+        let kept = if made.names.len() > 1 { transport.columns.get_or_init(|| made).clone() } else { made };
+        Ok((kept, watch.phases))
     }
 
-    /// The light by groups that a file keeps: with one group, it is all of the light.
-    pub(crate) fn kept_columns(&self) -> Option<Arc<Columns>> {
-        let transport = self.transport.as_ref()?;
-        let is_kept = transport.columns.get().is_some() || light_groups(&self.scene).groups.len() > 1;
-        is_kept.then(|| self.columns().ok()).flatten()
+    /// The light by groups that a file keeps: with one group, it is all of the light. Nothing where there is none.
+    ///
+    /// # Errors
+    /// [`RelightError::Cancelled`].
+    pub(crate) fn kept_columns(&self, control: &Control) -> Result<Option<Arc<Columns>>, RelightError> {
+        let Some(transport) = &self.transport else { return Ok(None) };
+        if transport.columns.get().is_none() && light_groups(&self.scene).groups.len() == 1 {
+            return Ok(None);
+        }
+        match self.columns_until(control) {
+            Err(RelightError::Cancelled) => Err(RelightError::Cancelled),
+            made => Ok(made.ok()),
+        }
     }
 
     /// The solution of the same scene with its light groups dimmed, brightened or coloured: exact to rounding, since light
-    /// is linear in what is emitted. With other reflectances light is gathered anew over the same links, which were refined
-    /// for the old ones.
+    /// is linear in what is emitted; with the error of the mix. With other reflectances light is gathered anew over the same
+    /// links, which were refined for the old ones, and checked anew.
     ///
     /// # Errors
     /// [`RelightError`] for solutions that have no light by groups, and for names and values that make no sense.
     pub fn relight(&self, changes: &Changes) -> Result<Solution, RelightError> {
+        self.relight_until(changes, &Control::default())
+    }
+
+    /// The same until `control` says stop: it is asked between gathers and between the points of the check.
+    ///
+    /// # Errors
+    /// As [`Solution::relight`], and [`RelightError::Cancelled`].
+    pub fn relight_until(&self, changes: &Changes, control: &Control) -> Result<Solution, RelightError> {
         if changes.threads == 0 {
-            return relit(self, changes);
+            return relit(self, changes, control);
         }
         let refused = |_| crate::SettingsError::Value {
             name: "threads",
@@ -95,16 +126,17 @@ impl Solution {
             expected: "as many threads as the system grants",
         };
         let pool = rayon::ThreadPoolBuilder::new().num_threads(changes.threads).build().map_err(refused)?;
-        pool.install(|| relit(self, changes))
+        pool.install(|| relit(self, changes, control))
     }
 }
 
-fn relit(old: &Solution, changes: &Changes) -> Result<Solution, RelightError> {
-    let start = Instant::now();
+fn relit(old: &Solution, changes: &Changes, control: &Control) -> Result<Solution, RelightError> {
     let Some(transport) = &old.transport else {
         return Err(RelightError::Schedule { schedule: old.report.schedule.name() });
     };
-    let mut columns = old.columns()?;
+    let (mut columns, phases) = old.columns_and_phases(control)?;
+    let mut watch = Stopwatch::start();
+    watch.phases = phases;
     let weights = weights_of(&columns.names, &changes.weights)?;
     let known = &old.report.relit;
     let mut origin = known.clone().unwrap_or_else(|| RelitReport {
@@ -113,6 +145,7 @@ fn relit(old: &Solution, changes: &Changes) -> Result<Solution, RelightError> {
         error_estimate: old.report.error_estimate,
         weights: Vec::new(),
         reflectance: Vec::new(),
+        measured: false,
     });
     let mut scene = Scene::clone(&old.scene);
     let elements = &old.hierarchy.elements;
@@ -129,12 +162,12 @@ fn relit(old: &Solution, changes: &Changes) -> Result<Solution, RelightError> {
         let whole = vec![[1.0; 3]; columns.names.len()];
         emit(&mut scene, &columns, &whole);
         place(elements, mixed(&columns.fields, &whole), &mut fields);
-        let error = old.report.settings.error;
-        let gathered = Solved::reopened(Arc::new(scene.clone()), &Remains { fields: &fields, ..remains });
-        // Nothing stops it.
-        let control = &Control::default();
-        let anew = by_groups(&gathered.regathered(error, control), &columns.of, columns.names.len(), error, control)?;
-        columns = Arc::new(Columns { fields: anew, ..Columns::clone(&columns) });
+        let solved = Solved::reopened(Arc::new(scene.clone()), &Remains { fields: &fields, ..remains });
+        let gathered = solved.regathered(old.report.settings.error, control);
+        watch.lap("gathers");
+        let groups = columns.names.len();
+        let (anew, points) = by_groups(&gathered, &columns.of, groups, &old.report.settings, control, &mut watch)?;
+        columns = Arc::new(Columns { fields: anew, points: Arc::new(points), ..Columns::clone(&columns) });
         place(elements, mixed(&columns.fields, &whole), &mut fields);
         origin.mean_irradiance = mean_irradiance(&scene, &light_of(&scene, elements, &fields, open.to_vec()));
     }
@@ -147,20 +180,22 @@ fn relit(old: &Solution, changes: &Changes) -> Result<Solution, RelightError> {
     let (light, elements) = rayon::join(mix, || elements.clone());
     let mean = mean_irradiance(&scene, &light);
     let is_as_solved = origin.reflectance.is_empty() && weights.iter().all(|weight| *weight == [1.0; 3]);
-    let error_estimate = estimate(&origin, &weights, mean);
+    let (error_estimate, measured) = estimate(&origin, &columns.points, &weights, mean);
+    origin.measured = measured;
     origin.weights = columns
         .names
         .iter()
         .zip(&weights)
         .map(|(name, &weight)| WeightReport { group: name.clone(), weight: Rgb(weight) })
         .collect();
+    watch.lap("relight");
     let report = Report {
         scene_hash: scene.hash_text(),
         mean_irradiance: mean,
         error_estimate,
         energy: old.report.energy.filter(|_| is_as_solved),
         relit: (!is_as_solved).then_some(origin),
-        phases: vec![PhaseReport { name: "relight".into(), seconds: start.elapsed().as_secs_f64() }],
+        phases: watch.phases,
         ..old.report.clone()
     };
     let transport = Transported { fields, columns: columns.into(), ..transport.clone() };
@@ -183,31 +218,43 @@ fn remains<'a>(old: &'a Solution, transport: &'a Transported) -> Result<Remains<
     })
 }
 
-/// The light by groups, over the links of a solution.
-fn columns_of(old: &Solution, transport: &Transported) -> Result<Columns, RelightError> {
+/// The light by groups, over the links of a solution, and how wrong it is at points. One group is all of the light; how wrong
+/// that is the solve has told.
+fn columns_of(
+    old: &Solution,
+    transport: &Transported,
+    control: &Control,
+    watch: &mut Stopwatch,
+) -> Result<Columns, RelightError> {
     let LightGroups { groups, of, .. } = light_groups(&old.scene);
-    let fields = if groups.len() == 1 {
-        vec![old.hierarchy.elements.leaves().map(|leaf| transport.fields[leaf.index()]).collect()]
+    let (fields, points) = if groups.len() == 1 {
+        let all = old.hierarchy.elements.leaves().map(|leaf| transport.fields[leaf.index()]).collect();
+        (vec![all], PointErrors::default())
     } else if old.report.status == Status::Cancelled {
         return Err(RelightError::Unprepared { why: "it was cancelled".into() });
     } else {
         let solved = Solved::reopened(old.scene.clone(), &remains(old, transport)?);
-        // Nothing stops it.
-        by_groups(&solved, &of, groups.len(), old.report.settings.error, &Control::default())?
+        by_groups(&solved, &of, groups.len(), &old.report.settings, control, watch)?
     };
     let emission = old.scene.polygons.iter().map(|polygon| polygon.emission).collect();
-    Ok(Columns { names: groups.into_iter().map(|group| group.name).collect(), of, emission, fields })
+    let names = groups.into_iter().map(|group| group.name).collect();
+    Ok(Columns { names, of, emission, fields, points: Arc::new(points) })
 }
 
+/// Light by groups, and what rays say of it.
 fn by_groups(
     solved: &Solved,
     of: &[u32],
     groups: usize,
-    error: f64,
+    settings: &Settings,
     control: &Control,
-) -> Result<Vec<Vec<Field>>, RelightError> {
-    let stopped = || RelightError::Internal("gathers by group were stopped".into());
-    solved.columns(of, groups, error, control).map(|found| found.fields).ok_or_else(stopped)
+    watch: &mut Stopwatch,
+) -> Result<(Vec<Vec<Field>>, PointErrors), RelightError> {
+    let made = solved.columns(of, groups, settings.error, control).ok_or(RelightError::Cancelled)?;
+    watch.lap("light by groups");
+    let points = solved.check_columns(&made.fields, of, settings.error, settings.seed, control);
+    watch.lap("check by groups");
+    Ok((made.fields, points.ok_or(RelightError::Cancelled)?))
 }
 
 /// Weights by group; each name must exist, each weight be finite and not negative.
@@ -275,22 +322,35 @@ fn mean_irradiance(scene: &Scene, light: &Light) -> Rgb {
     fronts.map(|(root, front)| light.irradiance(ElementId(root as u32)) * front.area).sum::<Rgb>() / scene.area()
 }
 
-/// The error of a mix.
+/// The error of a mix, and whether it was measured for this mix.
 ///
-/// What is known is the error of all groups together, e m with the mean irradiance m. Where the groups' errors do not
-/// cancel each other in that sum, a mix has at most the largest weight w times as much, whatever the other weights are:
-/// w e m, which relative to the mix's own mean n is `w e m / n`. If all weights are equal nothing changes; of the darker
-/// half nothing is known otherwise.
-fn estimate(origin: &RelitReport, weights: &[[f64; 3]], mean: Rgb) -> Option<ErrorEstimate> {
-    let known = origin.error_estimate?;
+/// Dimmed alike, all lights keep the relative error that the solve found. Of other mixes, and with other reflectances, rays
+/// have told at points how wrong the light of each group is: see [`PointErrors::estimate`]. A file of an older version has no
+/// such points. Then what is known is the error of all groups together, e m with the mean irradiance m: where the groups'
+/// errors do not cancel each other in that sum, a mix has at most the largest weight w times as much, whatever the other
+/// weights are, which relative to the mix's own mean n is `w e m / n`; of the darker half nothing is known.
+fn estimate(
+    origin: &RelitReport,
+    points: &PointErrors,
+    weights: &[[f64; 3]],
+    mean: Rgb,
+) -> (Option<ErrorEstimate>, bool) {
     let all = || weights.iter().flatten().copied();
     let most = all().fold(0.0, f64::max);
     if most == 0.0 {
-        return Some(ErrorEstimate { total: 0.0, dark: None });
+        return (Some(ErrorEstimate { total: 0.0, dark: None }), true);
     }
-    if all().all(|weight| weight == most) {
-        return Some(known);
+    let is_alike = all().all(|weight| weight == most);
+    if is_alike && origin.reflectance.is_empty() {
+        return (origin.error_estimate, true);
+    }
+    if let Some(found) = points.estimate(weights) {
+        return (Some(ErrorEstimate { total: found.total, dark: Some(found.dark) }), true);
+    }
+    if is_alike {
+        return (origin.error_estimate, false);
     }
     let (before, now) = (origin.mean_irradiance.mean(), mean.mean());
-    (now > 0.0).then(|| ErrorEstimate { total: known.total * most * before / now, dark: None })
+    let bound = |known: ErrorEstimate| ErrorEstimate { total: known.total * most * before / now, dark: None };
+    (origin.error_estimate.filter(|_| now > 0.0).map(bound), false)
 }

@@ -67,13 +67,16 @@ pub struct RelitReport {
     pub scene_hash: String,
     /// Mean irradiance with all weights 1, W/m² or lm/m².
     pub mean_irradiance: Rgb,
-    /// Error estimate of the solve. With changed reflectances it is carried over: links were refined for the old ones, and
-    /// nothing was measured since.
+    /// Error estimate of the solve.
     pub error_estimate: Option<ErrorEstimate>,
     /// Weight of each light group.
     pub weights: Vec<WeightReport>,
     /// Materials that were given other reflectances.
     pub reflectance: Vec<ReflectanceReport>,
+    /// Is the report's error estimate that of this very mix, as rays found it at points? Otherwise, in older files, it is
+    /// bounded by that of the solve, or, with changed reflectances, carried over.
+    #[serde(default)]
+    pub measured: bool,
 }
 
 /// One stage of `wavefront`: refinement, then gathers until the light settles.

@@ -8,7 +8,7 @@ use isolux_core::scene::Scene;
 use isolux_core::solution::{Observer, SmoothSurfaces, SurfaceMesh, Unobserved};
 use isolux_core::tree::Bsp;
 use isolux_core::units::Rgb;
-use isolux_wavefront::Tracer;
+use isolux_wavefront::{Control, Tracer};
 use std::sync::{Arc, OnceLock};
 
 /// A solved scene.
@@ -181,7 +181,14 @@ impl Solution {
     /// what Python shows as views; `scene/*` is the scene after validation.
     #[must_use]
     pub fn to_record(&self) -> Record {
-        crate::record::write(self, self.kept_columns().as_deref())
+        self.to_record_until(&Control::default()).unwrap_or_else(|| unreachable!("nobody says stop"))
+    }
+
+    /// The same until `control` says stop, for the light by groups may have to be made first; none then.
+    #[must_use]
+    pub fn to_record_until(&self, control: &Control) -> Option<Record> {
+        let columns = self.kept_columns(control).ok()?;
+        Some(crate::record::write(self, columns.as_deref()))
     }
 
     /// The same without the light by groups, which may have to be made first: what can be looked at right away.

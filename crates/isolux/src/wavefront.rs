@@ -11,7 +11,8 @@ use isolux_core::solution::{Flow, Light, Observer, Phase, Progress, Update};
 use isolux_core::tree::{ElementId, Elements};
 use isolux_core::units::Rgb;
 use isolux_wavefront::{
-    Bound, ClusterColumns, Control, Estimate, Ideas, LinkColumns, NO_GROUP, Outcome, Prepared, Request, Stage,
+    Bound, ClusterColumns, Control, Estimate, Ideas, LinkColumns, NO_GROUP, Outcome, PointErrors, Prepared, Request,
+    Stage,
 };
 use rayon::prelude::*;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
@@ -55,6 +56,9 @@ pub struct Columns {
     pub emission: Vec<Rgb>,
     /// By group and leaf, leaves in ascending order: irradiance at corners and middle, W/m² or lm/m².
     pub fields: Vec<Vec<[[f32; 3]; 5]>>,
+    /// How wrong each group is at points, by rays: what tells the error of a mix. Empty where there is one group, as it was
+    /// solved, and where an older version made the columns.
+    pub points: Arc<PointErrors>,
 }
 
 /// What comes back from the engine's threads.
@@ -338,7 +342,8 @@ impl Transported {
     ///   where that is proven; centres lie in `[0, 1]²`; receivers ascend;
     /// - of clusters, only the first has no parent, the others come after theirs; members are polygons, each once; those of
     ///   a cluster lie among those of its parent; places, radii and areas are finite, areas above 0;
-    /// - of light groups, each polygon that emitted has one; there is one finite field per group and leaf.
+    /// - of light groups, each polygon that emitted has one; there is one finite field per group and leaf; where they were
+    ///   checked at points, one finite irradiance and two finite errors per group and point.
     ///
     /// # Errors
     /// The first violation.
@@ -355,7 +360,7 @@ impl Transported {
     }
 
     fn check_columns(&self, columns: &Columns, scene: &Scene, elements: &Elements) -> Result<(), TransportViolation> {
-        let Columns { names, of, emission, fields } = columns;
+        let Columns { names, of, emission, fields, points } = columns;
         let polygons = scene.polygons.len();
         same_lengths(polygons, &[("groups/of", of.len()), ("groups/emission", emission.len())])?;
         if names.is_empty() || fields.len() != names.len() {
@@ -375,6 +380,24 @@ impl Transported {
             same_lengths(leaves, &[("groups/field", column.len())])?;
             if !column.par_iter().all(|field| field.as_flattened().iter().all(|value| value.is_finite())) {
                 return Err(wrong("groups/field", "not all values are finite"));
+            }
+        }
+        let PointErrors { irradiance, errors } = &**points;
+        if irradiance.is_empty() && errors.is_empty() {
+            return Ok(());
+        }
+        same_lengths(
+            names.len(),
+            &[("groups/point_irradiance", irradiance.len()), ("groups/point_error", errors.len())],
+        )?;
+        for (irradiance, errors) in irradiance.iter().zip(errors) {
+            let rows = [("groups/point_irradiance", irradiance.len()), ("groups/point_error", errors.len())];
+            same_lengths(points.len(), &rows)?;
+            if !irradiance.as_flattened().iter().all(|value| value.is_finite()) {
+                return Err(wrong("groups/point_irradiance", "not all values are finite"));
+            }
+            if !errors.as_flattened().as_flattened().iter().all(|value| value.is_finite()) {
+                return Err(wrong("groups/point_error", "not all values are finite"));
             }
         }
         Ok(())

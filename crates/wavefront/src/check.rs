@@ -1,18 +1,21 @@
 //! A check by rays that know nothing of links: points of the surfaces and a solution's light go in, how far the solution is
-//! from fulfilling its own equation comes out.
+//! from fulfilling its own equation comes out; of light by groups, point by point, what tells the same of every mix.
 
 use crate::contacts::{is_covered, is_on_line};
+use crate::control::Control;
 use crate::geometry::{Element, Geometry, NONE};
-use crate::light::{Bands, Light};
+use crate::light::{Bands, Field, Light, bands, mean};
 use crate::rays::{Packet, RAYS, even_point_of};
-use crate::read::quadrant;
+use crate::read::{quadrant, shares_at};
 use crate::rounds::Transport;
+use crate::solve::{Estimate, claim};
 use crate::spread::spread;
 use glam::Vec3;
 use isolux_core::sampling::{Stream, mix};
 use isolux_simd::factor::{Polygon, point_factors};
 use rayon::prelude::*;
 use std::f32::consts::{FRAC_1_PI, PI};
+use std::ops::Range;
 
 /// Least and most points, and elements for each in between. The error of the estimate falls with their square root only, so
 /// that a coarse solution is checked in less time than it takes to make; where few places hold most of the error, as in a
@@ -56,10 +59,26 @@ pub struct Check {
 }
 
 struct Point {
-    polygon: u32,
-    place: Vec3,
+    place: Place,
     found: [Bands; 2],
     solved: Bands,
+}
+
+/// A point of a polygon.
+#[derive(Clone, Copy)]
+struct Place {
+    polygon: u32,
+    point: Vec3,
+}
+
+/// What rays found of light by groups, at points spread evenly over all fronts but for what is covered: enough to tell the
+/// error of any mix as [`Check`] tells that of a solve.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PointErrors {
+    /// Irradiance by group and point as the columns have it, W/m² or lm/m². Below nothing where the column is.
+    pub irradiance: Vec<Vec<Bands>>,
+    /// Error of it by group and point, by either of two batches of rays that know nothing of each other, W/m² or lm/m².
+    pub errors: Vec<Vec<[Bands; 2]>>,
 }
 
 /// Points of a region: that many tell what it lacks on average.
@@ -76,8 +95,6 @@ struct Emitters {
     polygons: Vec<u32>,
     /// Their shares of the power.
     shares: Vec<f64>,
-    /// Rays to emitters of a batch, over those over the hemisphere.
-    ratio: f32,
 }
 
 /// Emitters as one point chooses among them.
@@ -91,19 +108,24 @@ struct Choice<'a> {
 }
 
 impl Emitters {
-    fn new(geometry: &Geometry, roots: &[Element], ratio: f32) -> Emitters {
+    /// Those that `is_one` takes of all that emit.
+    fn new(geometry: &Geometry, roots: &[Element], is_one: impl Fn(u32) -> bool) -> Emitters {
         let power = |&polygon: &u32| {
             let emission = geometry.surfaces[polygon as usize].emission;
             f64::from(emission.iter().sum::<f32>() * roots[polygon as usize].area)
         };
-        let polygons: Vec<u32> = (0..geometry.surfaces.len() as u32).filter(|polygon| power(polygon) > 0.0).collect();
+        let polygons = 0..geometry.surfaces.len() as u32;
+        let polygons: Vec<u32> = polygons.filter(|polygon| power(polygon) > 0.0 && is_one(*polygon)).collect();
         let whole: f64 = polygons.iter().map(power).sum();
         let shares = polygons.iter().map(|polygon| power(polygon) / whole).collect();
-        Emitters { polygons, shares, ratio }
+        Emitters { polygons, shares }
     }
 
-    /// Chooses by what each emitter would throw on a point if nothing were in between.
-    fn seen_from(&self, point: Vec3, normal: Vec3, geometry: &Geometry, roots: &[Element]) -> Choice<'_> {
+    /// Chooses by what each emitter would throw on a point if nothing were in between. `ratio`: rays to emitters of a batch
+    /// over those over the hemisphere.
+    fn seen_from(&self, from: Place, ratio: f32, geometry: &Geometry, roots: &[Element]) -> Choice<'_> {
+        let Place { polygon, point } = from;
+        let normal = geometry.surfaces[polygon as usize].normal;
         let weigh = self.polygons.len() <= MOST_WEIGHED;
         let thrown = |&polygon: &u32| -> f64 {
             let (surface, root) = (&geometry.surfaces[polygon as usize], &roots[polygon as usize]);
@@ -130,7 +152,7 @@ impl Emitters {
         let mut density = Vec::with_capacity(self.polygons.len());
         for (index, &polygon) in self.polygons.iter().enumerate() {
             before.push(before[index] + chance(index));
-            let even = self.ratio * (chance(index) / f64::from(roots[polygon as usize].area)) as f32;
+            let even = ratio * (chance(index) / f64::from(roots[polygon as usize].area)) as f32;
             let opacity = geometry.scene.polygons[polygon as usize].opacity;
             density.push(if opacity < 1.0 { f32::INFINITY } else { even });
         }
@@ -157,56 +179,116 @@ impl Choice<'_> {
     }
 }
 
-/// Compares irradiances with what rays bring, at points spread over all fronts; so many as the elements ask for, unless
-/// their number is given.
-pub(crate) fn check(transport: &Transport, light: &Light, error: f64, seed: u64, points: Option<usize>) -> Check {
+/// Rays of a batch from a point.
+#[derive(Clone, Copy)]
+struct Rays {
+    /// Directions are so many strata squared.
+    side: usize,
+    /// To emitters.
+    to_lights: usize,
+}
+
+impl Rays {
+    fn new(error: f64) -> Rays {
+        let side = (SIDE_PER_ERROR / error).clamp(SIDES.0, SIDES.1) as usize;
+        Rays { side, to_lights: (TO_LIGHTS * (side * side) as f64) as usize }
+    }
+
+    /// So many times as many strata a side.
+    fn times(self, factor: f32) -> Rays {
+        let side = (self.side as f32 * factor).round() as usize;
+        Rays { side, to_lights: (TO_LIGHTS * (side * side) as f64) as usize }
+    }
+
+    /// Rays to emitters over those over the hemisphere.
+    fn ratio(self) -> f32 {
+        self.to_lights as f32 / (self.side * self.side) as f32
+    }
+
+    /// Of both batches.
+    fn of_point(self) -> u64 {
+        2 * (self.side * self.side + self.to_lights) as u64
+    }
+}
+
+/// Points on all fronts by area, as many as the elements ask for.
+fn points_of(elements: usize) -> usize {
+    (elements / ELEMENTS_PER_POINT).clamp(POINTS.0, POINTS.1)
+}
+
+/// What `look` makes of `count` points on all fronts, by area; those that are covered, or so close to a line of contact that
+/// rounding decides on which side they are, are left out.
+fn at_points<T: Send>(
+    transport: &Transport,
+    seed: u64,
+    count: usize,
+    look: impl Fn(Place, &mut Stream) -> Option<T> + Sync,
+) -> Vec<T> {
     let (geometry, elements) = (&*transport.geometry, &transport.elements[..]);
-    let side = (SIDE_PER_ERROR / error).clamp(SIDES.0, SIDES.1) as usize;
-    let to_lights = (TO_LIGHTS * (side * side) as f64) as usize;
     let fronts = geometry.scene.fronts;
-    let emitters = Emitters::new(geometry, elements, to_lights as f32 / (side * side) as f32);
     let mut before = Vec::with_capacity(fronts + 1);
     let mut area = 0.0_f64;
     for root in &elements[..fronts] {
         before.push(area);
         area += f64::from(root.area);
     }
-    let count = points.unwrap_or_else(|| (elements.len() / ELEMENTS_PER_POINT).clamp(POINTS.0, POINTS.1));
-    let points: Vec<Point> = (0..count)
+    (0..count)
         .into_par_iter()
         .filter_map(|index| {
-            let mut stream = Stream::new(mix(seed ^ 0x636865636b) ^ index as u64);
+            let mut stream = Stream::new(mix(seed) ^ index as u64);
             let wanted = area * (index as f64 + stream.next_unit()) / count as f64;
             let polygon = before.partition_point(|&before| before <= wanted).max(1) - 1;
             let jitter = [stream.next_unit() as f32, stream.next_unit() as f32];
-            let point = even_point_of(&elements[polygon], jitter);
-            let on_line = || {
-                let leaf = node_at(polygon as u32, point, 0.0, transport);
-                is_on_line(point, &elements[leaf as usize], geometry)
-            };
-            if is_covered(point, polygon as u32, geometry) || on_line() {
+            let place = Place { polygon: polygon as u32, point: even_point_of(&elements[polygon], jitter) };
+            let on_line = || is_on_line(place.point, &elements[place.node(0.0, transport) as usize], geometry);
+            if is_covered(place.point, place.polygon, geometry) || on_line() {
                 return None;
             }
-            let emitters = emitters.seen_from(point, geometry.surfaces[polygon].normal, geometry, elements);
-            let gather = |stream: &mut Stream| {
-                let mut sum =
-                    over_hemisphere(point, polygon as u32, side, geometry, elements, light, &emitters, stream);
-                let direct = emitted(point, polygon as u32, to_lights, geometry, elements, &emitters, stream);
-                (0..3).for_each(|band| sum[band] += direct[band]);
-                sum
-            };
-            let found = [gather(&mut stream), gather(&mut stream)];
-            let solved = crate::read::field_at(geometry, elements, light, polygon as u32, point);
-            Some(Point { polygon: polygon as u32, place: point, found, solved })
+            look(place, &mut stream)
         })
-        .collect();
-    let errors = errors(&points, area, transport, light);
-    let brightness = |point: &Point| point.solved.iter().sum::<f32>() / 3.0;
-    let mut order: Vec<usize> = (0..points.len()).collect();
-    order.sort_by(|&a, &b| brightness(&points[a]).total_cmp(&brightness(&points[b])));
+        .collect()
+}
+
+/// Compares irradiances with what rays bring, at points spread over all fronts; so many as the elements ask for, unless
+/// their number is given.
+pub(crate) fn check(transport: &Transport, light: &Light, error: f64, seed: u64, points: Option<usize>) -> Check {
+    let (geometry, elements) = (&*transport.geometry, &transport.elements[..]);
+    let rays = Rays::new(error);
+    let emitters = Emitters::new(geometry, elements, |_| true);
+    let count = points.unwrap_or_else(|| points_of(elements.len()));
+    let points: Vec<Point> = at_points(transport, seed ^ 0x636865636b, count, |place, stream| {
+        let Place { polygon, point } = place;
+        let emitters = emitters.seen_from(place, rays.ratio(), geometry, elements);
+        let gather = |stream: &mut Stream| {
+            let mut sum = over_hemisphere(place, rays.side, geometry, elements, light, &emitters, stream);
+            let direct = emitted(place, rays.to_lights, geometry, elements, &emitters, stream);
+            (0..3).for_each(|band| sum[band] += direct[band]);
+            sum
+        };
+        let found = [gather(stream), gather(stream)];
+        let solved = crate::read::field_at(geometry, elements, light, polygon, point);
+        Some(Point { place, found, solved })
+    });
+    let places: Vec<Place> = points.iter().map(|point| point.place).collect();
+    let errors = errors(&places, |point, batch| points[point].lacks()[batch], transport, light);
+    let solved: Vec<Bands> = points.iter().map(|point| point.solved).collect();
+    let lacks = |index: usize| points[index].lacks();
+    Check {
+        points: count,
+        rays: points.len() as u64 * rays.of_point(),
+        ..measured(&solved, lacks, |index| errors[index])
+    }
+}
+
+/// Squares of what is lacking and of errors at points, over all of them and over the darker half; by both batches, so that
+/// their noise is in no mean.
+fn measured(solved: &[Bands], lacks: impl Fn(usize) -> [Bands; 2], errors: impl Fn(usize) -> [Bands; 2]) -> Check {
+    let brightness: Vec<f32> = solved.iter().map(|solved| solved.iter().sum::<f32>() / 3.0).collect();
+    let mut order: Vec<usize> = (0..solved.len()).collect();
+    order.sort_by(|&a, &b| brightness[a].total_cmp(&brightness[b]));
     let measure = |indices: &[usize]| {
         let count = indices.len().max(1) as f64;
-        let mean = indices.iter().map(|&index| f64::from(brightness(&points[index]))).sum::<f64>() / count;
+        let mean = indices.iter().map(|&index| f64::from(brightness[index])).sum::<f64>() / count;
         // Where nothing arrives, nothing can lack a share of it.
         let scale = if mean > 0.0 { mean } else { 1.0 };
         let squares = |values: &dyn Fn(usize) -> [Bands; 2]| -> (f64, f64) {
@@ -219,19 +301,198 @@ pub(crate) fn check(transport: &Transport, light: &Light, error: f64, seed: u64,
             let spread = squares.iter().map(|value| (value - mean) * (value - mean)).sum::<f64>() / count;
             (mean.max(0.0).sqrt(), (spread / count).sqrt())
         };
-        let (lack, _) = squares(&|index| points[index].lacks());
-        let (error, square_error) = squares(&|index| errors[index]);
+        let (lack, _) = squares(&lacks);
+        let (error, square_error) = squares(&errors);
         (Found { lack, error, square_error }, mean)
     };
     let (all, mean) = measure(&order);
     let (dark, dark_mean) = measure(&order[..order.len() / 2]);
-    Check {
-        all,
-        dark,
-        dark_mean: if mean > 0.0 { dark_mean / mean } else { 0.0 },
-        points: count,
-        rays: (points.len() * 2 * (side * side + to_lights)) as u64,
+    Check { all, dark, dark_mean: if mean > 0.0 { dark_mean / mean } else { 0.0 }, points: solved.len(), rays: 0 }
+}
+
+impl PointErrors {
+    /// Number of points.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.errors.first().map_or(0, Vec::len)
     }
+
+    /// True where there are no points, or no groups.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// How wrong the mix of all groups by these weights, per band, may be: what is claimed of a solve, where rays cannot tell
+    /// an error from their own noise with two standard errors. `None` without points. A mix below nothing counts as nothing.
+    #[must_use]
+    pub fn estimate(&self, weights: &[[f64; 3]]) -> Option<Estimate> {
+        if self.is_empty() {
+            return None;
+        }
+        let groups = || self.irradiance.iter().zip(&self.errors).zip(weights);
+        let mixed = |point: usize| -> (Bands, [Bands; 2]) {
+            let (mut solved, mut errors) = ([0.0_f64; 3], [[0.0_f64; 3]; 2]);
+            for ((irradiance, by_batch), weight) in groups() {
+                for band in 0..3 {
+                    solved[band] += weight[band] * f64::from(irradiance[point][band]);
+                    (0..2).for_each(|k| errors[k][band] += weight[band] * f64::from(by_batch[point][k][band]));
+                }
+            }
+            // What is read there is not below nothing.
+            let raised = solved.map(|value| value.min(0.0));
+            let errors = errors.map(|error| std::array::from_fn(|band| (error[band] + raised[band]) as f32));
+            (solved.map(|value| value.max(0.0) as f32), errors)
+        };
+        let mixed: Vec<(Bands, [Bands; 2])> = (0..self.len()).into_par_iter().with_min_len(256).map(mixed).collect();
+        let (solved, errors): (Vec<Bands>, Vec<[Bands; 2]>) = mixed.into_iter().unzip();
+        Some(claim(&measured(&solved, |_| [[0.0; 3]; 2], |point| errors[point]), f64::INFINITY))
+    }
+}
+
+/// A place where a ray over the hemisphere ended.
+struct Hit {
+    leaf: usize,
+    /// What the irradiance there has of the field's values.
+    shares: [f32; 5],
+    /// What it counts at the ray's start, per band; nothing where all light is below nothing.
+    counts: Bands,
+    met: Met,
+}
+
+/// What is lacking at a point to each group's column.
+struct GroupPoint {
+    place: Place,
+    solved: Vec<Bands>,
+    lacks: [Vec<Bands>; 2],
+}
+
+/// Groups whose errors are sent around side by side at most.
+const SIDE_BY_SIDE: usize = 4;
+
+/// Irradiance at a point, in means of its group, from which on more rays are asked there, and most strata a side as against
+/// other points. Noise is a share of what arrives: measured in a shade around a bulb, 4 % of 150 means, which hid an error of
+/// 0.1 of the mean.
+const BRIGHT: f32 = 2.0;
+const MOST_TIMES: f32 = 4.0;
+
+/// Compares columns, by group and leaf, with what rays bring of each group's light; `light`: all of it. Every group has rays
+/// of its own to its emitters, as many as a solve with that group alone would, and more where it is bright. None where
+/// `control` says stop.
+pub(crate) fn check_groups(
+    transport: &Transport,
+    light: &Light,
+    columns: &[Vec<Field>],
+    group_of: &[u32],
+    error: f64,
+    seed: u64,
+    control: &Control,
+) -> Option<PointErrors> {
+    let (geometry, elements) = (&*transport.geometry, &transport.elements[..]);
+    let rays = Rays::new(error);
+    let emitters =
+        |group: usize| Emitters::new(geometry, elements, |polygon| group_of[polygon as usize] as usize == group);
+    let emitters: Vec<Emitters> = (0..columns.len()).map(emitters).collect();
+    let mut row_of = vec![NONE; elements.len()];
+    let leaves = (0..elements.len()).filter(|&index| elements[index].first_child == NONE);
+    leaves.zip(0..).for_each(|(leaf, row)| row_of[leaf] = row);
+    let value = |column: &[Field], leaf: usize, shares: &[f32; 5]| -> Bands {
+        let field = &column[row_of[leaf] as usize];
+        std::array::from_fn(|band| (0..5).map(|k| shares[k] * field[k][band]).sum())
+    };
+    let means: Vec<f32> = columns.iter().map(|column| mean_of(column, elements)).collect();
+    let look = |place: Place, stream: &mut Stream| {
+        if control.is_stopped() {
+            return None;
+        }
+        let (leaf, shares) = shares_at(geometry, elements, place.polygon, place.point);
+        let solved: Vec<Bands> = columns.iter().map(|column| value(column, leaf, &shares)).collect();
+        let brightness = solved.iter().map(|solved| solved.iter().sum::<f32>() / 3.0);
+        let times = |(value, mean): (f32, &f32)| (value / (BRIGHT * mean)).clamp(1.0, MOST_TIMES);
+        // Where there is no light there is no mean.
+        let times = brightness.zip(&means).map(|at| if *at.1 > 0.0 { times(at) } else { 1.0 });
+        let own: Vec<Rays> = times.map(|times| rays.times(times)).collect();
+        let side = own.iter().map(|rays| rays.side).max().unwrap_or(0);
+        let choices: Vec<Choice<'_>> = (emitters.iter().zip(&own))
+            .map(|(emitters, rays)| emitters.seen_from(place, Rays { side, ..*rays }.ratio(), geometry, elements))
+            .collect();
+        let gather = |stream: &mut Stream| -> Vec<Bands> {
+            let mut hits = Vec::with_capacity(side * side);
+            let share = 1.0 / (side * side) as f32;
+            each_direction(place, side, geometry, stream, |met| {
+                let (leaf, shares) = shares_at(geometry, elements, met.polygon, met.place);
+                let field = &light.field[leaf];
+                let counts = std::array::from_fn(|band| {
+                    let all: f32 = (0..5).map(|k| shares[k] * field[k][band]).sum();
+                    let reflectance = geometry.surfaces[met.polygon as usize].reflectance[band];
+                    if all > 0.0 { share * met.solid(geometry) * reflectance } else { 0.0 }
+                });
+                hits.push(Hit { leaf, shares, counts, met });
+            });
+            let lack = |group: usize| -> Bands {
+                let mut sum = emitted(place, own[group].to_lights, geometry, elements, &choices[group], stream);
+                for hit in &hits {
+                    let reflected = value(&columns[group], hit.leaf, &hit.shares);
+                    (0..3).for_each(|band| sum[band] += hit.counts[band] * reflected[band]);
+                    let polygon = hit.met.polygon as usize;
+                    if group_of[polygon] as usize == group {
+                        let counts = share * hit.met.by_direction(&choices[group]);
+                        let emission = geometry.surfaces[polygon].emission;
+                        (0..3).for_each(|band| sum[band] += counts * emission[band]);
+                    }
+                }
+                std::array::from_fn(|band| sum[band] - solved[group][band])
+            };
+            (0..columns.len()).map(lack).collect()
+        };
+        let lacks = [gather(stream), gather(stream)];
+        Some(GroupPoint { place, solved, lacks })
+    };
+    let points = at_points(transport, seed ^ 0x67726f757073, points_of(elements.len()), look);
+    let places: Vec<Place> = points.iter().map(|point| point.place).collect();
+    let mut found = PointErrors::default();
+    for first in (0..columns.len()).step_by(SIDE_BY_SIDE) {
+        if control.is_stopped() {
+            return None;
+        }
+        let groups = first..(first + SIDE_BY_SIDE).min(columns.len());
+        found.errors.extend(match groups.len() {
+            1 => errors_of::<3>(&places, &points, groups, transport, light),
+            2 => errors_of::<6>(&places, &points, groups, transport, light),
+            _ => errors_of::<12>(&places, &points, groups, transport, light),
+        });
+    }
+    found.irradiance = (0..columns.len()).map(|g| points.iter().map(|point| point.solved[g]).collect()).collect();
+    (!control.is_stopped()).then_some(found)
+}
+
+/// Mean of a column over what is open, by area, over bands.
+fn mean_of(column: &[Field], elements: &[Element]) -> f32 {
+    let (mut sum, mut area) = (0.0_f64, 0.0_f64);
+    let leaves = elements.iter().filter(|element| element.first_child == NONE);
+    for (field, element) in column.iter().zip(leaves) {
+        let open = f64::from(element.area * element.open_share());
+        sum += open * f64::from(mean(field, element.count).iter().sum::<f32>() / 3.0);
+        area += open;
+    }
+    if area > 0.0 { (sum / area) as f32 } else { 0.0 }
+}
+
+/// Errors of a range of groups, as many as `C` has room for, at every point.
+fn errors_of<const C: usize>(
+    places: &[Place],
+    points: &[GroupPoint],
+    groups: Range<usize>,
+    transport: &Transport,
+    light: &Light,
+) -> Vec<Vec<[Bands; 2]>> {
+    let lacks = |point: usize, batch: usize| -> [f32; C] {
+        let own = &points[point].lacks[batch][groups.clone()];
+        std::array::from_fn(|c| own.get(c / 3).map_or(0.0, |lacks| lacks[c % 3]))
+    };
+    let errors = errors::<C>(places, lacks, transport, light);
+    let of = |group: usize| errors.iter().map(|both| both.each_ref().map(|error| bands(error, group))).collect();
+    (0..groups.len()).map(of).collect()
 }
 
 impl Point {
@@ -239,63 +500,107 @@ impl Point {
     fn lacks(&self) -> [Bands; 2] {
         self.found.map(|found| std::array::from_fn(|band| found[band] - self.solved[band]))
     }
-
-    /// The smallest node of its polygon that holds it and is at least `area` large, m²: of 0, the leaf.
-    fn node(&self, area: f32, transport: &Transport) -> u32 {
-        node_at(self.polygon, self.place, area, transport)
-    }
 }
 
-/// The smallest node of a polygon that holds a place and is at least `area` large, m²: of 0, the leaf.
-fn node_at(polygon: u32, place: Vec3, area: f32, transport: &Transport) -> u32 {
-    let normal = transport.geometry.surfaces[polygon as usize].normal;
-    let mut node = polygon;
-    loop {
-        let element = &transport.elements[node as usize];
-        if element.first_child == NONE {
-            return node;
+impl Place {
+    /// The smallest node of its polygon that holds it and is at least `area` large, m²: of 0, the leaf.
+    fn node(&self, area: f32, transport: &Transport) -> u32 {
+        let normal = transport.geometry.surfaces[self.polygon as usize].normal;
+        let mut node = self.polygon;
+        loop {
+            let element = &transport.elements[node as usize];
+            if element.first_child == NONE {
+                return node;
+            }
+            let child = element.first_child + quadrant(element, normal, self.point) as u32;
+            if transport.elements[child as usize].area < area {
+                return node;
+            }
+            node = child;
         }
-        let child = element.first_child + quadrant(element, normal, place) as u32;
-        if transport.elements[child as usize].area < area {
-            return node;
-        }
-        node = child;
     }
 }
 
 /// The solution's error at every point by each batch: what it lacks there, and what regions lack on average as it is
-/// reflected to there. Batches know nothing of each other, so that the mean of their product is that of the square.
-fn errors(points: &[Point], area: f64, transport: &Transport, light: &Light) -> Vec<[Bands; 2]> {
-    let least = (area * REGION / points.len().max(1) as f64) as f32;
-    let regions: Vec<u32> = points.iter().map(|point| point.node(least, transport)).collect();
+/// reflected to there. Batches know nothing of each other, so that the mean of their product is that of the square. `lacks`:
+/// by point and batch.
+fn errors<const C: usize>(
+    places: &[Place],
+    lacks: impl Fn(usize, usize) -> [f32; C],
+    transport: &Transport,
+    light: &Light,
+) -> Vec<[[f32; C]; 2]> {
+    let fronts = &transport.elements[..transport.geometry.scene.fronts];
+    let area: f64 = fronts.iter().map(|root| f64::from(root.area)).sum();
+    let least = (area * REGION / places.len().max(1) as f64) as f32;
+    let regions: Vec<u32> = places.iter().map(|place| place.node(least, transport)).collect();
     let mut count = vec![0.0_f32; transport.elements.len()];
     regions.iter().for_each(|&region| count[region as usize] += 1.0);
     let [one, other] = [0, 1].map(|batch: usize| {
-        let mut lacking = vec![[0.0; 3]; transport.elements.len()];
-        for (point, &region) in points.iter().zip(&regions) {
-            let (lacks, mean) = (point.lacks()[batch], &mut lacking[region as usize]);
-            (0..3).for_each(|band| mean[band] += lacks[band] / count[region as usize]);
+        let mut lacking = vec![[0.0; C]; transport.elements.len()];
+        for (point, &region) in regions.iter().enumerate() {
+            let (lacks, mean) = (lacks(point, batch), &mut lacking[region as usize]);
+            (0..C).for_each(|c| mean[c] += lacks[c] / count[region as usize]);
         }
         let error = spread(&lacking, light, transport);
         (lacking, error)
     });
-    let whole = |point: &Point, region: u32| {
-        let leaf = point.node(0.0, transport) as usize;
-        let lacks = point.lacks();
-        let of = |batch: usize, (lacking, error): &(Vec<Bands>, Vec<Bands>)| -> Bands {
-            std::array::from_fn(|band| lacks[batch][band] - lacking[region as usize][band] + error[leaf][band])
+    let whole = |point: usize, region: u32| {
+        let leaf = places[point].node(0.0, transport) as usize;
+        let of = |batch: usize, (lacking, error): &(Vec<[f32; C]>, Vec<[f32; C]>)| -> [f32; C] {
+            let lacks = lacks(point, batch);
+            std::array::from_fn(|c| lacks[c] - lacking[region as usize][c] + error[leaf][c])
         };
         [of(0, &one), of(1, &other)]
     };
-    points.iter().zip(&regions).map(|(point, &region)| whole(point, region)).collect()
+    regions.iter().enumerate().map(|(point, &region)| whole(point, region)).collect()
+}
+
+/// Where a ray over the hemisphere ends.
+#[derive(Clone, Copy)]
+struct Met {
+    polygon: u32,
+    place: Vec3,
+    /// Cosines at the start and at the end.
+    rise: f32,
+    fall: f32,
+    /// Squared length, m².
+    square: f32,
+}
+
+impl Met {
+    /// Reflectance is that of the whole surface; the ray has met what does not let it pass.
+    fn solid(&self, geometry: &Geometry) -> f32 {
+        1.0 / geometry.scene.polygons[self.polygon as usize].opacity.min(1.0) as f32
+    }
+
+    fn by_direction(&self, emitters: &Choice<'_>) -> f32 {
+        emitters.by_direction(self.polygon, self.rise, self.fall, self.square)
+    }
+}
+
+/// Tells where side² rays over the hemisphere end that do not leave the scene.
+fn each_direction(from: Place, side: usize, geometry: &Geometry, stream: &mut Stream, mut tell: impl FnMut(Met)) {
+    let Place { polygon, point } = from;
+    let normal = geometry.surfaces[polygon as usize].normal;
+    let (tangent, bitangent) = normal.any_orthonormal_pair();
+    for stratum in 0..side * side {
+        let u = ((stratum / side) as f64 + stream.next_unit()) / side as f64;
+        let v = ((stratum % side) as f64 + stream.next_unit()) / side as f64;
+        let (radius, (sine, cosine)) = (u.sqrt() as f32, libm::sincosf((2.0 * std::f64::consts::PI * v) as f32));
+        let rise = (1.0 - radius * radius).max(0.0).sqrt();
+        let direction = tangent * (radius * cosine) + bitangent * (radius * sine) + normal * rise;
+        if let Some((polygon, place)) = geometry.look(point, normal, direction, stream) {
+            let fall = -geometry.surfaces[polygon as usize].normal.dot(direction);
+            tell(Met { polygon, place, rise, fall, square: place.distance_squared(point) });
+        }
+    }
 }
 
 /// Irradiance at a point by one batch of side² directions over the hemisphere: what is reflected from there, and the part of
 /// what is emitted that directions tell.
-#[allow(clippy::too_many_arguments, reason = "one call site")]
 fn over_hemisphere(
-    point: Vec3,
-    polygon: u32,
+    from: Place,
     side: usize,
     geometry: &Geometry,
     elements: &[Element],
@@ -304,27 +609,15 @@ fn over_hemisphere(
     stream: &mut Stream,
 ) -> Bands {
     let mut sum = [0.0_f32; 3];
-    let normal = geometry.surfaces[polygon as usize].normal;
-    let (tangent, bitangent) = normal.any_orthonormal_pair();
-    for stratum in 0..side * side {
-        let u = ((stratum / side) as f64 + stream.next_unit()) / side as f64;
-        let v = ((stratum % side) as f64 + stream.next_unit()) / side as f64;
-        let (radius, (sine, cosine)) = (u.sqrt() as f32, libm::sincosf((2.0 * std::f64::consts::PI * v) as f32));
-        let height = (1.0 - radius * radius).max(0.0).sqrt();
-        let direction = tangent * (radius * cosine) + bitangent * (radius * sine) + normal * height;
-        if let Some((other, place)) = geometry.look(point, normal, direction, stream) {
-            let field = crate::read::field_at(geometry, elements, light, other, place);
-            let surface = &geometry.surfaces[other as usize];
-            let fall = -surface.normal.dot(direction);
-            let counts = emitters.by_direction(other, height, fall, place.distance_squared(point));
-            // Reflectance is that of the whole surface; the ray has met what does not let it pass.
-            let solid = 1.0 / geometry.scene.polygons[other as usize].opacity.min(1.0) as f32;
-            for band in 0..3 {
-                let seen = solid * surface.reflectance[band] * field[band] + counts * surface.emission[band];
-                sum[band] += seen / (side * side) as f32;
-            }
+    each_direction(from, side, geometry, stream, |met| {
+        let field = crate::read::field_at(geometry, elements, light, met.polygon, met.place);
+        let surface = &geometry.surfaces[met.polygon as usize];
+        let (counts, solid) = (met.by_direction(emitters), met.solid(geometry));
+        for band in 0..3 {
+            let seen = solid * surface.reflectance[band] * field[band] + counts * surface.emission[band];
+            sum[band] += seen / (side * side) as f32;
         }
-    }
+    });
     sum
 }
 
@@ -334,14 +627,14 @@ const STEPS: [f64; 2] = [0.754_877_666_246_692_8, 0.569_840_290_998_053_3];
 
 /// Irradiance at a point by one batch of rays to places on the emitters: what they emit.
 fn emitted(
-    point: Vec3,
-    polygon: u32,
+    from: Place,
     rays: usize,
     geometry: &Geometry,
     elements: &[Element],
     emitters: &Choice<'_>,
     stream: &mut Stream,
 ) -> Bands {
+    let Place { polygon, point } = from;
     let normal = geometry.surfaces[polygon as usize].normal;
     let start = [stream.next_unit(), stream.next_unit()];
     let mut sum = [0.0; 3];

@@ -5,6 +5,7 @@
 //! enough. All light goes along, since every choice is its own: so any mix of columns is what the same links would give if
 //! the groups emitted that much.
 
+use crate::check::{PointErrors, check_groups};
 use crate::control::Control;
 use crate::geometry::NONE;
 use crate::light::{Field, Light, bands};
@@ -38,6 +39,9 @@ impl Solved {
         let mut columns = Columns::default();
         let all: Vec<usize> = (0..groups).collect();
         for batch in all.chunks(SIDE_BY_SIDE) {
+            if control.is_stopped() {
+                return None;
+            }
             let range = batch[0]..batch[0] + batch.len();
             // Three channels for all light, three for each group.
             columns.fields.extend(match batch.len() {
@@ -47,8 +51,25 @@ impl Solved {
                 _ => self.gathered::<48>(group_of, range, error, control),
             });
         }
+        if control.is_stopped() {
+            return None;
+        }
         columns.apart = self.add_rest(&mut columns.fields);
         (!control.is_stopped()).then_some(columns)
+    }
+
+    /// How wrong columns that add up to the light are, by rays that know nothing of links, as many as ask for an `error`. None
+    /// where `control` says stop. The same rays, whoever made the columns and on however many threads.
+    #[must_use]
+    pub fn check_columns(
+        &self,
+        columns: &[Vec<Field>],
+        group_of: &[u32],
+        error: f64,
+        seed: u64,
+        control: &Control,
+    ) -> Option<PointErrors> {
+        check_groups(&self.transport, &self.light, columns, group_of, error, seed, control)
     }
 
     /// Columns of a range of groups, as many as `C` has room for, and the numbers of gathers.

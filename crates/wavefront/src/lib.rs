@@ -7,9 +7,9 @@
 //!    gathers over them until light settles, gathers once more at the leaves' own points, and asks independent rays how
 //!    wrong that is. The first stage is coarse; each later one lets links leave less, until the asked error is reached.
 //! 3. [`Solved::outcome`]: everything by number, from which [`Solved::reopened`] goes on, without a ray, to the same light
-//!    by groups of emitters ([`Solved::columns`]), and to other light when surfaces change ([`Solved::regathered`]);
-//!    [`Solved::balance`], [`Solved::row_sums`]: where the
-//!    light went, and what the links account for.
+//!    by groups of emitters ([`Solved::columns`]), and to other light when surfaces change ([`Solved::regathered`]).
+//!    [`Solved::check_columns`]: how wrong the light of each group is, by rays again. [`Solved::balance`],
+//!    [`Solved::row_sums`]: where the light went, and what the links account for.
 //!
 //! Every parallel loop writes its results in the order of its inputs and every sum has a fixed order, so that results are
 //! the same bits with any number of threads. Random choices are drawn from names of places, never from a clock or an order
@@ -47,7 +47,7 @@ mod solve;
 mod spread;
 mod tracer;
 
-pub use check::{Check, Found};
+pub use check::{Check, Found, PointErrors};
 pub use control::{Bound, Control};
 pub use final_gather::FinalGather;
 pub use groups::{Columns, NO_GROUP};

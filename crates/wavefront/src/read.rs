@@ -9,6 +9,18 @@ use isolux_core::solution::bilinear_coordinates;
 
 /// Irradiance at a point of a polygon, in the middle's coordinates.
 pub(crate) fn field_at(geometry: &Geometry, elements: &[Element], light: &Light, polygon: u32, point: Vec3) -> Bands {
+    let (leaf, place) = leaf_at(geometry, elements, polygon, point);
+    place.value(&light.field[leaf])
+}
+
+/// The leaf that holds a point of a polygon, and what the irradiance there has of each value of the leaf's field, as long as
+/// it is above nothing.
+pub(crate) fn shares_at(geometry: &Geometry, elements: &[Element], polygon: u32, point: Vec3) -> (usize, [f32; 5]) {
+    let (leaf, place) = leaf_at(geometry, elements, polygon, point);
+    (leaf, place.shares())
+}
+
+fn leaf_at(geometry: &Geometry, elements: &[Element], polygon: u32, point: Vec3) -> (usize, Place) {
     let normal = geometry.surfaces[polygon as usize].normal.as_dvec3();
     let mut index = polygon as usize;
     let corners = elements[index].corners.map(|corner| corner.as_dvec3());
@@ -16,7 +28,7 @@ pub(crate) fn field_at(geometry: &Geometry, elements: &[Element], light: &Light,
     while elements[index].first_child != NONE {
         index = elements[index].first_child as usize + place.descend();
     }
-    place.value(&light.field[index])
+    (index, place)
 }
 
 /// Irradiance of a node at its samples, by the leaves below it.
@@ -94,15 +106,27 @@ impl Place {
         }
     }
 
-    fn value(&self, field: &Field) -> Bands {
-        let (weights, bulge, count) = match *self {
+    /// What corners count along the sides, what the bulge counts, and how many corners there are.
+    fn weights(&self) -> ([f64; 4], f64, usize) {
+        match *self {
             Place::Quadrilateral([s, t]) => {
                 let (u, v) = (2.0 * s - 1.0, 2.0 * t - 1.0);
                 let weights = [(1.0 - s) * (1.0 - t), s * (1.0 - t), s * t, (1.0 - s) * t];
                 (weights, 1.0 - 0.5 * (u * u + v * v), 4)
             }
             Place::Triangle([a, b, c]) => ([a, b, c, 0.0], 3.0 * (a * b + b * c + c * a), 3),
-        };
+        }
+    }
+
+    /// What the field has here of each of its values.
+    fn shares(&self) -> [f32; 5] {
+        let (weights, bulge, count) = self.weights();
+        let corner = |k: usize| if k < count { weights[k] - bulge / count as f64 } else { 0.0 };
+        std::array::from_fn(|k| if k == MIDDLE { bulge as f32 } else { corner(k) as f32 })
+    }
+
+    fn value(&self, field: &Field) -> Bands {
+        let (weights, bulge, count) = self.weights();
         std::array::from_fn(|band| {
             let at = |k: usize| f64::from(field[k][band]);
             let plain: f64 = (0..count).map(|k| weights[k] * at(k)).sum();
@@ -136,6 +160,29 @@ pub(crate) fn quadrant(element: &Element, normal: Vec3, point: Vec3) -> usize {
             2
         } else {
             3
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Catches shares that are not what a value is made of, on quadrilaterals and triangles.
+    #[test]
+    fn shares_make_the_value() {
+        let corners = [[0.0, 0.0], [2.0, 0.0], [2.5, 1.5], [0.0, 1.0]].map(|[x, y]| DVec3::new(x, y, 0.0));
+        let field: Field = std::array::from_fn(|k| std::array::from_fn(|band| 1.0 + ((3 * k + band) * 7 % 11) as f32));
+        for count in [3, 4] {
+            for point in [[0.1, 0.1], [0.9, 0.2], [0.4, 0.5]].map(|[x, y]| DVec3::new(x, y, 0.0)) {
+                let place = Place::new(&corners[..count], DVec3::Z, point);
+                let (value, shares) = (place.value(&field), place.shares());
+                for band in 0..3 {
+                    let sum: f32 = (0..5).map(|k| shares[k] * field[k][band]).sum();
+                    // Five terms of single precision, of 11 at most.
+                    assert!((sum - value[band]).abs() < 1e-5, "{count} {point}: {sum} {}", value[band]);
+                }
+            }
         }
     }
 }

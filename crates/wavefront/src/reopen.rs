@@ -2,6 +2,7 @@
 //! links again comes out. No ray is traced.
 
 use crate::clusters::{Cluster, Clusters};
+use crate::contacts::Contacts;
 use crate::control::Control;
 use crate::geometry::{Geometry, NONE};
 use crate::ideas::Ideas;
@@ -37,7 +38,7 @@ impl Solved {
     /// What a solve of the same polygons left behind, with the reflectances and emissions that `scene` has now.
     #[must_use]
     pub fn reopened(scene: Arc<Scene>, remains: &Remains<'_>) -> Solved {
-        let geometry = Geometry::new(scene.clone());
+        let mut geometry = Geometry::new(scene.clone());
         let mut elements = geometry.bare_roots();
         // Quarters are appended in the order of their numbers.
         let mut parents: Vec<(u32, u32)> = remains
@@ -59,6 +60,7 @@ impl Solved {
             element.open = if element.first_child == NONE { ((1_u32 << parts) - 1) as u16 } else { u16::MAX };
         }
         let clusters = clusters_of(remains.clusters, &elements, geometry.middle);
+        geometry.contacts = Contacts::new(&geometry, &clusters, &elements[..geometry.surfaces.len()]);
         let count = elements.len() as u32;
         let links = links_of(remains.links, count);
         let order = Order::new(&elements, geometry.surfaces.len());

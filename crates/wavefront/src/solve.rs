@@ -454,7 +454,7 @@ const MOST_PASSES: u32 = 100;
 
 /// The error that is claimed: what rays found, a standard error of it added; where they cannot tell it from their own noise,
 /// half of what links say at least, but no more than what rays found with two standard errors.
-fn claim(check: &Check, by_links: f64) -> Estimate {
+pub(crate) fn claim(check: &Check, by_links: f64) -> Estimate {
     let known = |found: Found| {
         let up_to = |errors: f64| (found.error * found.error + errors * found.square_error).sqrt();
         let is_known = found.error * found.error > 2.0 * found.square_error;

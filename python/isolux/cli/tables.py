@@ -173,7 +173,7 @@ def relit(report: Report, target: str) -> Table:
         estimate = _estimate(report.error_estimate)
         if told is not None and told.carried_over:
             estimate += " (carried over: the links were refined for other reflectances)"
-        elif told is not None and report.error_estimate != told.error_estimate:
+        elif told is not None and not told.measured:
             estimate += " (that of the solve, by the largest weight and the new mean)"
         rows.append(("estimated error", estimate))
     rows += [
