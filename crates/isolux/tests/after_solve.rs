@@ -82,6 +82,14 @@ fn rays_meet_what_those_of_the_tree_meet() {
                     let off = (one.distance - two.distance).abs() * slope;
                     assert!(off < 1e-10 * start.length().max(1.0), "{name}: {one:?} {two:?}");
                 }
+                // Of two faces back to back the tree meets the first, and the engine the one that faces the ray.
+                (Some(one), Some(two)) if !one.front_facing && two.front_facing => {
+                    let [back, front] =
+                        [one.polygon, two.polygon].map(|polygon| scene.polygons[polygon as usize].plane);
+                    let off = front.distance(start + direction * one.distance).abs();
+                    let is_one_place = back.normal.dot(front.normal) < -0.999_999 && off < scene.tolerance();
+                    apart += usize::from(!is_one_place);
+                }
                 (None, None) => {}
                 _ => apart += 1,
             }
