@@ -183,11 +183,28 @@ pub(crate) const MOST_CANDELA: f64 = 1e15;
 /// [`PhotometryError`] where it cannot be read, is too long, or is broken; each names the file, and the line.
 pub fn read(path: &Path) -> Result<Photometry, PhotometryError> {
     let name = crate::text::clean(&path.display().to_string());
-    let io = |error: std::io::Error| PhotometryError::Io { file: name.clone(), reason: error.to_string() };
-    let file = std::fs::File::open(path).map_err(io)?;
+    let io = |reason: String| PhotometryError::Io { file: name.clone(), reason };
+    let metadata = std::fs::metadata(path).map_err(|error| io(reason(&error)))?;
+    if !metadata.is_file() {
+        // A pipe or a device may never end.
+        return Err(io("it is not a regular file".into()));
+    }
+    if metadata.len() > MAX_BYTES {
+        return Err(PhotometryError::TooLarge { file: name, bytes: metadata.len(), limit: MAX_BYTES });
+    }
+    let file = std::fs::File::open(path).map_err(|error| io(reason(&error)))?;
     let mut bytes = Vec::new();
-    file.take(MAX_BYTES + 1).read_to_end(&mut bytes).map_err(io)?;
+    file.take(metadata.len()).read_to_end(&mut bytes).map_err(|error| io(reason(&error)))?;
     parse(&bytes, &name)
+}
+
+/// In words of ours where people meet it often.
+fn reason(error: &std::io::Error) -> String {
+    match error.kind() {
+        std::io::ErrorKind::NotFound => "no such file".to_owned(),
+        std::io::ErrorKind::PermissionDenied => "permission denied".to_owned(),
+        _ => error.to_string(),
+    }
 }
 
 /// Reads the bytes of a photometric file; `name` is that of the file, for messages, and its ending counts where the

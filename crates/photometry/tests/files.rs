@@ -238,7 +238,9 @@ fn broken_files_are_refused_by_line() {
         assert_eq!(error.to_string(), format!("{name}: {message}"));
     }
     let missing = read(&folder().join("missing.ies")).unwrap_err().to_string();
-    assert!(missing.contains("missing.ies: cannot be read: "), "{missing}");
+    assert!(missing.ends_with("missing.ies: cannot be read: no such file"), "{missing}");
+    let directory = read(&folder()).unwrap_err().to_string();
+    assert!(directory.ends_with("files: cannot be read: it is not a regular file"), "{directory}");
     let unknown = parse(b"solid cube\nfacet\n", "cube.stl").unwrap_err().to_string();
     assert_eq!(
         unknown,
