@@ -7,6 +7,9 @@ const SAME: f64 = 1e-9;
 /// How far the last angle of a range may be from where it should end, degrees. Files print angles to 0.1 at worst.
 const SNAP: f64 = 0.5;
 
+/// Least range of horizontal angles that is mirrored until it fills the circle, degrees.
+const LEAST_SPAN: f64 = 15.0;
+
 /// Rows of a table by angle: between two neighbours values are linear, beyond the ends there is no light.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Axis {
@@ -51,7 +54,7 @@ impl Axis {
             4
         } else {
             let copies = 2.0 * (180.0 / span).round();
-            if !(1.0..=90.0).contains(&span) || (360.0 / copies - span).abs() > SNAP / copies {
+            if !(LEAST_SPAN..=90.0).contains(&span) || (360.0 / copies - span).abs() > SNAP / copies {
                 return Err((
                     format!("horizontal angles up to {}, {} or {}", first + 90.0, first + 180.0, first + 360.0),
                     format!("{first} to {last}"),

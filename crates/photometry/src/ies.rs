@@ -54,8 +54,8 @@ pub(crate) fn read(lines: &[&str], notes: &mut Notes) -> Result<Photometry, Phot
     if multiplier <= 0.0 {
         return Err(notes.error(line, "a candela multiplier above 0", format!("'{multiplier}'")));
     }
-    let (verticals, _) = numbers.count(notes, "the number of vertical angles", 2)?;
-    let (horizontals, _) = numbers.count(notes, "the number of horizontal angles", 1)?;
+    let verticals = numbers.count(notes, "the number of vertical angles", 2)?;
+    let horizontals = numbers.count(notes, "the number of horizontal angles", 1)?;
     let expected = "the photometric type: 1 (C), 2 (B) or 3 (A)";
     let kind = match numbers.next(notes, expected)? {
         (1.0, _) => Kind::C,
@@ -200,7 +200,7 @@ fn tilt(header: &Header, numbers: &mut Numbers<'_>, notes: &mut Notes) -> Result
                 (3.0, _) => 3,
                 (other, line) => return Err(notes.error(line, expected, format!("'{other}'"))),
             };
-            let (count, _) = numbers.count(notes, "the number of tilt angles", 1)?;
+            let count = numbers.count(notes, "the number of tilt angles", 1)?;
             let (angles, _) = numbers.angles(notes, "tilt", count, (-180.0, 180.0))?;
             let mut factors = Vec::new();
             for index in 1..=count {

@@ -4,7 +4,7 @@
 use crate::error::PhotometryError;
 use crate::opening::Opening;
 use crate::photometry::{Format, LampSet, MOST_CANDELA, Photometry, Tilt};
-use crate::text::{Notes, Numbers, clean, number, shown, whole};
+use crate::text::{Notes, Numbers, clean, count_of, count_words, number, shown};
 use crate::web::{Kind, Table, Web};
 
 /// Metres per millimetre.
@@ -15,6 +15,9 @@ const OUTPUT_SLACK: f64 = 0.05;
 
 /// How far a plane may be from where its symmetry wants it, degrees.
 const PLANE_SLACK: f64 = 0.5;
+
+/// What line 3 holds.
+const SYMMETRIES: &str = "the symmetry, 0 to 4";
 
 /// Whether lines 2 to 7 hold numbers, as they do in EULUMDAT.
 pub(crate) fn looks_like(lines: &[&str]) -> bool {
@@ -66,12 +69,10 @@ impl<'a> Fields<'a, '_> {
     }
 
     fn count(&mut self, notes: &Notes, what: &str, least: usize) -> Result<(usize, usize), PhotometryError> {
-        let what = format!("{what} (a whole number from {least})");
+        let what = count_words(what, least);
         let (value, line) = self.number(notes, &what)?;
-        match whole(value) {
-            Some(count) if count >= least => Ok((count, line)),
-            _ => Err(notes.error(line, &what, format!("'{value}'"))),
-        }
+        let count = count_of(value, least).ok_or_else(|| notes.error(line, &what, format!("'{value}'")))?;
+        Ok((count, line))
     }
 }
 
@@ -79,10 +80,11 @@ pub(crate) fn read(lines: &[&str], notes: &mut Notes) -> Result<Photometry, Phot
     let mut fields = Fields { lines, next: 0 };
     let manufacturer = fields.text(notes, "the company")?;
     let (_, _) = fields.number_or(notes, "the type of the luminaire", 1.0)?;
-    let (symmetry, symmetry_line) = fields.count(notes, "the symmetry, 0 to 4", 0)?;
-    if symmetry > 4 {
-        return Err(notes.error(symmetry_line, "the symmetry, 0 to 4", format!("'{symmetry}'")));
-    }
+    let (symmetry, symmetry_line) = fields.number(notes, SYMMETRIES)?;
+    let symmetry = match symmetry {
+        0.0 | 1.0 | 2.0 | 3.0 | 4.0 => symmetry as usize,
+        other => return Err(notes.error(symmetry_line, SYMMETRIES, format!("'{other}'"))),
+    };
     let (planes, planes_line) = fields.count(notes, "the number of C-planes", 1)?;
     fields.number_or(notes, "the distance between C-planes", 0.0)?;
     let divisor = match symmetry {

@@ -9,7 +9,7 @@ use std::io::Read;
 use std::path::Path;
 
 /// Longest file that is read, bytes: a table of every degree of the sphere has half a megabyte.
-pub const MAX_BYTES: u64 = 64 << 20;
+pub const MAX_BYTES: u64 = 16 << 20;
 
 /// Which format a file has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

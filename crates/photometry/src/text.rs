@@ -6,6 +6,24 @@ use crate::error::{PhotometryError, Warning};
 /// Most characters of a file that a message repeats.
 const MOST_SHOWN: usize = 40;
 
+/// Most angles of one kind: every hundredth of a degree of the circle.
+const MOST_ANGLES: usize = 36_001;
+
+/// A count of angles in words, as messages say what was expected.
+pub(crate) fn count_words(what: &str, least: usize) -> String {
+    format!("{what} (a whole number from {least} to {MOST_ANGLES})")
+}
+
+/// A number as a count of angles.
+pub(crate) fn count_of(value: f64, least: usize) -> Option<usize> {
+    whole(value).filter(|count| (least..=MOST_ANGLES).contains(count))
+}
+
+/// A number as a count.
+fn whole(value: f64) -> Option<usize> {
+    (value >= 0.0 && value.fract() == 0.0 && value < 1e9).then_some(value as usize)
+}
+
 /// The text of a file: UTF-8 or UTF-16 where it says so or is so, Latin-1 otherwise.
 pub(crate) fn decode(bytes: &[u8]) -> String {
     let wide = |is_big: bool, bytes: &[u8]| {
@@ -136,13 +154,11 @@ impl<'a> Numbers<'a> {
         }
     }
 
-    /// The next number as a count of at least `least`.
-    pub(crate) fn count(&mut self, notes: &Notes, what: &str, least: usize) -> Result<(usize, usize), PhotometryError> {
-        let (value, line) = self.next(notes, &format!("{what} (a whole number from {least})"))?;
-        match whole(value) {
-            Some(count) if count >= least => Ok((count, line)),
-            _ => Err(notes.error(line, &format!("{what} (a whole number from {least})"), format!("'{value}'"))),
-        }
+    /// The next number as a count of angles, at least `least`.
+    pub(crate) fn count(&mut self, notes: &Notes, what: &str, least: usize) -> Result<usize, PhotometryError> {
+        let what = count_words(what, least);
+        let (value, line) = self.next(notes, &what)?;
+        count_of(value, least).ok_or_else(|| notes.error(line, &what, format!("'{value}'")))
     }
 
     /// `count` ascending angles within `[low, high]`, with the line of each.
@@ -187,11 +203,6 @@ impl<'a> Numbers<'a> {
             notes.warn(line, format!("{more} more words after the last value, from {}: ignored", shown(token)));
         }
     }
-}
-
-/// A number as a count.
-pub(crate) fn whole(value: f64) -> Option<usize> {
-    (value >= 0.0 && value.fract() == 0.0 && value < 1e9).then_some(value as usize)
 }
 
 #[cfg(test)]

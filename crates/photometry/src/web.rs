@@ -255,9 +255,9 @@ impl Web {
     }
 
     /// The full angle, degrees, between the outermost directions of a plane through the axis in which the intensity is
-    /// still `share` of that plane's highest: for the plane X/Z (H = 0) and the plane Y/Z (H = 90). `None` where a
-    /// plane is dark. With 0.5 the beam angle, with 0.1 the field angle. Counted about -Z; about +Z where most of the flux of
-    /// a type C goes up. Exact for the table.
+    /// still `share` of that plane's highest: for the plane X/Z (H = 0) and the plane Y/Z (H = 90). With 0.5 the beam
+    /// angle, with 0.1 the field angle; `None` where a plane is dark. Counted about -Z; about +Z where most of the flux
+    /// of a type C goes up. Exact for the table.
     #[must_use]
     pub fn spread(&self, share: f64) -> [Option<f64>; 2] {
         [self.profile(false), self.profile(true)].map(|profile| width(&profile, share))

@@ -3,7 +3,7 @@
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-use isolux_photometry::{Format, Kind, OpeningShape, Photometry, Symmetry, Tilt, parse, read};
+use isolux_photometry::{Format, Kind, MAX_BYTES, OpeningShape, Photometry, Symmetry, Tilt, parse, read};
 use std::f64::consts::{PI, TAU};
 use std::path::{Path, PathBuf};
 
@@ -194,7 +194,7 @@ const BROKEN: &[(&str, &str)] = &[
     ("broken-no-tilt.ies", "line 15: expected a line 'TILT=', found the end of the file"),
     (
         "broken-counts.ies",
-        "line 9: expected 99999999 vertical angles from here on, found 59 words up to the end of the file",
+        "line 7: expected the number of vertical angles (a whole number from 2 to 36001), found '99999999'",
     ),
     ("broken-type.ies", "line 7: expected the photometric type: 1 (C), 2 (B) or 3 (A), found '7'"),
     ("broken-empty.ies", "line 1: expected a line 'TILT=', found the end of the file"),
@@ -203,7 +203,7 @@ const BROKEN: &[(&str, &str)] = &[
     ("broken-symmetry.ldt", "line 3: expected the symmetry, 0 to 4, found '9'"),
     ("broken-planes.ldt", "line 4: expected a number of C-planes that 4 divides (symmetry 4), found '22'"),
     ("broken-flux.ldt", "line 29: expected the flux of the lamps of set 1, above 0, found '0'"),
-    ("broken-binary.ldt", "line 3: expected the symmetry, 0 to 4 (a whole number from 0), found the end of the file"),
+    ("broken-binary.ldt", "line 3: expected the symmetry, 0 to 4, found the end of the file"),
 ];
 
 /// Catches a file without expectations.
@@ -241,6 +241,8 @@ fn broken_files_are_refused_by_line() {
     assert!(missing.ends_with("missing.ies: cannot be read: no such file"), "{missing}");
     let directory = read(&folder()).unwrap_err().to_string();
     assert!(directory.ends_with("files: cannot be read: it is not a regular file"), "{directory}");
+    let long = parse(&vec![b' '; MAX_BYTES as usize + 1], "long.ies").unwrap_err().to_string();
+    assert_eq!(long, "long.ies: has 16777217 bytes, more than the 16777216 that are read");
     let unknown = parse(b"solid cube\nfacet\n", "cube.stl").unwrap_err().to_string();
     assert_eq!(
         unknown,
@@ -544,6 +546,26 @@ fn damaged_files_never_panic() {
     }
     // Both ways are gone often, or the damage is of no use.
     assert!(read > 30_000 && refused > 30_000, "{read} read, {refused} refused");
+}
+
+/// Catches a file whose numbers are all right and far too many: the counts are bounded, and what they ask for is there.
+#[test]
+fn large_tables_are_read_and_larger_ones_refused() {
+    let table = |verticals: usize, horizontals: usize| {
+        let mut text = format!("TILT=NONE\n1 -1 1 {verticals} {horizontals} 1 2 0 0 0\n1 1 1\n");
+        let list = |count: usize, end: f64| (0..count).map(move |i| end * i as f64 / (count as f64 - 1.0));
+        for angle in list(verticals, 180.0).chain(list(horizontals, 15.0)) {
+            text += &format!("{angle}\n");
+        }
+        text + &"1\n".repeat(verticals * horizontals)
+    };
+    let fine = parse(table(2, 36_001).as_bytes(), "fine.ies").unwrap();
+    // Rounding of a million additions.
+    assert!((fine.flux() - 4.0 * PI).abs() < 1e-9);
+    assert_eq!(fine.web.symmetry(), Symmetry::Other);
+    let finer = parse(table(2, 36_002).as_bytes(), "finer.ies").unwrap_err().to_string();
+    let expected = "expected the number of horizontal angles (a whole number from 1 to 36001), found '36002'";
+    assert_eq!(finer, format!("finer.ies: line 2: {expected}"));
 }
 
 /// Catches bytes that no file has: none, noise, and one value all through.
