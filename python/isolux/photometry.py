@@ -80,7 +80,7 @@ class Photometry:
     format: str
     #: Type of photometry; EULUMDAT is C.
     kind: Literal["A", "B", "C"]
-    #: What of the table stands for more than itself: ``none``, ``rotational``, ``plane-0`` (mirrored in the
+    #: What of the table stands for more than itself, ``none``, ``rotational``, ``plane-0`` (mirrored in the
     #: plane of H = 0), ``plane-90``, ``quadrants`` or ``other``.
     symmetry: Literal["none", "rotational", "plane-0", "plane-90", "quadrants", "other"]
     #: Name of the luminaire.
@@ -95,7 +95,8 @@ class Photometry:
     lamps: tuple[LampSet, ...]
     #: Flux of the lamps, the ballast's factor included, lm; None where the file does not say.
     lamp_lumens: float | None
-    #: Flux of the luminaire as an EULUMDAT file states it, lm; None where the file does not say.
+    #: Flux of the luminaire as the file states it, lm, in EULUMDAT or by the IES keyword ``_ABSOLUTELUMENS``;
+    #: None where it does not say.
     stated_lumens: float | None
     #: Flux of the luminaire, integrated over its intensities, lm.
     flux: float
@@ -114,11 +115,11 @@ class Photometry:
     beam: tuple[float | None, float | None]
     #: The same to a tenth.
     field: tuple[float | None, float | None]
-    #: What the file says of tilt: ``none``, or a sentence. Nothing here depends on it.
+    #: What the file says of tilt, ``none`` or a sentence. Nothing here depends on it.
     tilt: str
     #: Keywords of an IES file with their values, in its order.
     keywords: tuple[tuple[str, str], ...]
-    #: What was mended, assumed or left out: one line each with file and line.
+    #: What was mended, assumed or left out, one line each with file and line.
     warnings: tuple[str, ...]
     _inner: _isolux.Photometry
 

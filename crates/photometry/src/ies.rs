@@ -4,13 +4,14 @@
 use crate::error::PhotometryError;
 use crate::opening::Opening;
 use crate::photometry::{Format, LampSet, MOST_CANDELA, Photometry, Tilt};
-use crate::text::{Notes, Numbers, clean, shown};
+use crate::text::{Notes, Numbers, clean, number, shown};
 use crate::web::{Kind, Table, Web};
 
 /// Metres per foot.
 const FOOT: f64 = 0.3048;
 
-/// How far the flux may exceed that of the lamps before a warning: what laboratories differ by.
+/// How far the flux may exceed that of the lamps, or differ from what is stated, before a warning: what laboratories
+/// differ by.
 const FLUX_SLACK: f64 = 1.05;
 
 /// Whether a line is the one that names the version.
@@ -103,6 +104,12 @@ pub(crate) fn read(lines: &[&str], notes: &mut Notes) -> Result<Photometry, Phot
     } else if let Some(lamps) = lamp_lumens.filter(|&lamps| flux > FLUX_SLACK * lamps) {
         notes.warn(lumens_line, format!("the lamps give {lamps:.1} lm, and the candela values make {flux:.1} lm"));
     }
+    // Laboratories' own keyword for what no field of the format holds.
+    let stated = number(&header.keyword(&["_ABSOLUTELUMENS"])).filter(|&lumens| absolute && lumens > 0.0);
+    if let Some(stated) = stated.filter(|&stated| flux > 0.0 && (flux / stated - 1.0).abs() > FLUX_SLACK - 1.0) {
+        let message = format!("_ABSOLUTELUMENS are {stated:.1} lm, and the candela values make {flux:.1} lm");
+        notes.warn(lumens_line, message);
+    }
     let watts = (watts > 0.0).then_some(watts);
     let lamps = LampSet {
         count,
@@ -123,7 +130,7 @@ pub(crate) fn read(lines: &[&str], notes: &mut Notes) -> Result<Photometry, Phot
         absolute,
         lamps: vec![lamps],
         lamp_lumens,
-        stated_lumens: None,
+        stated_lumens: stated,
         watts,
         opening,
         tilt,

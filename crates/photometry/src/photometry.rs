@@ -87,8 +87,8 @@ pub struct Photometry {
     pub lamps: Vec<LampSet>,
     /// Flux of the lamps, lumens, the ballast's factor included; `None` where the file does not say.
     pub lamp_lumens: Option<f64>,
-    /// Flux of the luminaire as the file states it, lumens: of EULUMDAT the lamps' flux by the light output ratio; IES
-    /// files state none.
+    /// Flux of the luminaire as the file states it, lumens: of EULUMDAT the lamps' flux by the light output ratio, of
+    /// absolute IES files that of the keyword `_ABSOLUTELUMENS`; `None` where the file does not say.
     pub stated_lumens: Option<f64>,
     /// Power of the luminaire, watts.
     pub watts: Option<f64>,

@@ -147,6 +147,14 @@ const SOUND: &[Row] = &[
         1500.0,
         &["line 7: the lamps give 1000.0 lm, and the candela values make 1499.0 lm"],
     ),
+    (
+        "wrong-lumens.ies",
+        Format::Ies(2002),
+        Kind::C,
+        Symmetry::Rotational,
+        2500.0,
+        &["line 5: _ABSOLUTELUMENS are 250.0 lm, and the candela values make 2503.2 lm"],
+    ),
     ("isym0.ldt", Format::Eulumdat, Kind::C, Symmetry::None, 1000.0, &[]),
     ("isym1.ldt", Format::Eulumdat, Kind::C, Symmetry::Rotational, 1000.0, &[]),
     ("isym2.ldt", Format::Eulumdat, Kind::C, Symmetry::Plane0, 2400.0, &[]),
@@ -370,7 +378,7 @@ fn facts_are_kept() {
 
     let absolute = sound("ies-2002-absolute.ies");
     assert!(absolute.absolute);
-    assert_eq!((absolute.lamp_lumens, absolute.output_ratio()), (None, None));
+    assert_eq!((absolute.lamp_lumens, absolute.stated_lumens, absolute.output_ratio()), (None, Some(2500.0), None));
     assert_eq!(absolute.opening.shape, OpeningShape::Disc);
 
     let late = sound("no-version.ies");

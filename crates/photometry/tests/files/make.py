@@ -234,7 +234,13 @@ def main() -> None:
         ies(batwing(along=0.5), down, steps(0, 180, 15), header="IESNA:LM-63-1995", tilt=included),
     )
     put("ies-2002-full.ies", ies(batwing(0.4, 0.3), down, steps(0, 360, 15), opening=(0.3, 0.6, 0.05)))
-    put("ies-2002-absolute.ies", ies(lobe(8), down, [0], lumens=-1, flux=2500, opening=(-0.1, -0.1, 0)))
+    spot = ("[LUMINAIRE] Spot", "[_ABSOLUTELUMENS] 2500")
+    put(
+        "ies-2002-absolute.ies",
+        ies(lobe(8), down, [0], keywords=spot, lumens=-1, flux=2500, opening=(-0.1, -0.1, 0)),
+    )
+    wrong = ("[LUMINAIRE] Spot", "[_ABSOLUTELUMENS] 250")
+    put("wrong-lumens.ies", ies(lobe(2), down, [0], keywords=wrong, lumens=-1, flux=2500))
     generation = ies(
         lobe(2),
         down,
