@@ -9,6 +9,7 @@
 from isolux import exceptions
 from isolux._isolux import Progress, __version__
 from isolux.exceptions import Cancelled, IsoluxError
+from isolux.photometry import Photometry, read_photometry
 from isolux.report import Issue, Report
 from isolux.scene import Light, LightGroup, Material, Scene, load
 from isolux.settings import Settings
@@ -22,6 +23,7 @@ __all__ = [
     "Light",
     "LightGroup",
     "Material",
+    "Photometry",
     "Progress",
     "Report",
     "Scene",
@@ -31,5 +33,6 @@ __all__ = [
     "exceptions",
     "load",
     "open",
+    "read_photometry",
     "solve",
 ]

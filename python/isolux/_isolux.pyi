@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 __all__ = [
+    "Photometry",
     "Progress",
     "Scene",
     "Solution",
@@ -56,6 +57,20 @@ class Progress:
     @property
     def links(self) -> int:
         """Links so far."""
+
+@final
+class Photometry:
+    @staticmethod
+    def read(path: Path) -> Photometry: ...
+    def facts(self) -> dict[str, Any]: ...
+    @property
+    def vertical(self) -> NDArray[np.float64]: ...
+    @property
+    def horizontal(self) -> NDArray[np.float64]: ...
+    @property
+    def candela(self) -> NDArray[np.float64]: ...
+    def intensity(self, directions: NDArray[np.float64]) -> NDArray[np.float64]: ...
+    def with_flux(self, lumens: float) -> Photometry: ...
 
 @final
 class Scene:

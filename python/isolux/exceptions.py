@@ -17,6 +17,7 @@ __all__ = [
     "MissingExtraError",
     "NoLightError",
     "NotRelightableError",
+    "PhotometryError",
     "ReadError",
     "RelightError",
     "RenderError",
@@ -46,6 +47,13 @@ class ReadError(IsoluxError):
 
 class MissingExtraError(ReadError, ImportError):
     """A file needs a package that is not installed; the message says how to install it."""
+
+
+class PhotometryError(IsoluxError, ValueError):
+    """A photometric file is missing or cannot be understood, or a luminaire cannot be scaled as asked.
+
+    The message names the file and, where it was read, the line and what was expected there.
+    """
 
 
 class SettingsError(IsoluxError, ValueError):

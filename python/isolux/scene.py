@@ -12,6 +12,7 @@ import numpy as np
 from isolux import _isolux
 from isolux._arrays import floats, integers
 from isolux.exceptions import ReadError
+from isolux.photometry import PHOTOMETRIC_SUFFIXES
 from isolux.report import Bands, Issue, Unit
 
 if TYPE_CHECKING:
@@ -386,6 +387,8 @@ def load(
     suffix = path.suffix.lower()
     if suffix == ".isolux":
         raise ReadError(f"{path}: this is a solution; isolux.open reads it")
+    if suffix in PHOTOMETRIC_SUFFIXES:
+        raise ReadError(f"{path}: this is a luminaire, not a scene; isolux.read_photometry reads it")
     if suffix in OWN_SUFFIXES or not path.is_file():
         return Scene._wrap(_isolux.Scene.load(path, metres_per_unit, float(emission_scale), str(unit)))
     from isolux.io import other_meshes  # noqa: PLC0415

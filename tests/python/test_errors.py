@@ -97,6 +97,20 @@ EXPECTED = {
         "ReadError",
         "room.glb: object 'lamp': 20 faces are more than the 10 that are read",
     ),
+    "PhotometryError::Io": ("PhotometryError", "lamp.ies: cannot be read: no such file"),
+    "PhotometryError::TooLarge": (
+        "PhotometryError",
+        "lamp.ies: has 20 bytes, more than the 10 that are read",
+    ),
+    "PhotometryError::UnknownFormat": (
+        "PhotometryError",
+        "lamp: line 1: expected an IES file (with a line 'TILT=') or an EULUMDAT file, found 'solid'",
+    ),
+    "PhotometryError::Malformed": (
+        "PhotometryError",
+        "lamp.ies: line 12: expected the input watts, found 'x'",
+    ),
+    "PhotometryError::Scale": ("PhotometryError", "lamp.ies: cannot be scaled to -1 lm: it has none"),
     "WriteError::Empty": ("WriteError", "scene 'cave' has no triangles to write"),
     "WriteError::Mismatch": (
         "InternalError",
@@ -128,6 +142,7 @@ SOURCES = {
     "RenderError": "crates/isolux/src/error.rs",
     "ReadError": "crates/formats/src/read/error.rs",
     "WriteError": "crates/formats/src/write/error.rs",
+    "PhotometryError": "crates/photometry/src/error.rs",
 }
 
 
@@ -158,7 +173,12 @@ def test_classes_are_what_people_catch():
         kind = getattr(exceptions, name)
         assert issubclass(kind, KeyboardInterrupt if name == "Cancelled" else exceptions.IsoluxError)
         assert kind.__doc__
-    for kind in (exceptions.SceneError, exceptions.SettingsError, exceptions.RenderError):
+    for kind in (
+        exceptions.SceneError,
+        exceptions.SettingsError,
+        exceptions.RenderError,
+        exceptions.PhotometryError,
+    ):
         assert issubclass(kind, ValueError)
     assert issubclass(exceptions.NoLightError, exceptions.SceneError)
     assert issubclass(exceptions.MissingExtraError, ImportError)

@@ -5,6 +5,7 @@ use isolux::core::scene::SceneError as CoreSceneError;
 use isolux::core::scene::SceneViolation;
 use isolux::formats::read::ReadError as FormatsReadError;
 use isolux::formats::write::WriteError as FormatsWriteError;
+use isolux::photometry::PhotometryError as CratePhotometryError;
 use isolux::study::StudyError;
 use isolux::{
     RecordError, RelightError as FacadeRelightError, RenderError as FacadeRenderError,
@@ -17,6 +18,7 @@ use pyo3::types::PyList;
 import_exception!(isolux.exceptions, InternalError);
 import_exception!(isolux.exceptions, NoLightError);
 import_exception!(isolux.exceptions, NotRelightableError);
+import_exception!(isolux.exceptions, PhotometryError);
 import_exception!(isolux.exceptions, ReadError);
 import_exception!(isolux.exceptions, RelightError);
 import_exception!(isolux.exceptions, RenderError);
@@ -182,6 +184,19 @@ impl PythonError for FormatsWriteError {
     }
 }
 
+impl PythonError for CratePhotometryError {
+    fn exception(self) -> PyErr {
+        let message = self.to_string();
+        match self {
+            CratePhotometryError::Io { .. }
+            | CratePhotometryError::TooLarge { .. }
+            | CratePhotometryError::UnknownFormat { .. }
+            | CratePhotometryError::Malformed { .. }
+            | CratePhotometryError::Scale { .. } => PhotometryError::new_err(message),
+        }
+    }
+}
+
 /// One exception of every variant, as `(variant, exception)`: the tests look at each class and message.
 #[pyfunction]
 #[pyo3(name = "_error_samples")]
@@ -322,6 +337,32 @@ pub(crate) fn error_samples(py: Python<'_>) -> PyResult<Bound<'_, PyList>> {
             "ReadError::TooLarge",
             FormatsReadError::TooLarge { file: file(), object: object(), what: "faces", count: 20, limit: 10 }
                 .exception(),
+        ),
+        (
+            "PhotometryError::Io",
+            CratePhotometryError::Io { file: "lamp.ies".into(), reason: "no such file".into() }.exception(),
+        ),
+        (
+            "PhotometryError::TooLarge",
+            CratePhotometryError::TooLarge { file: "lamp.ies".into(), bytes: 20, limit: 10 }.exception(),
+        ),
+        (
+            "PhotometryError::UnknownFormat",
+            CratePhotometryError::UnknownFormat { file: "lamp".into(), found: "'solid'".into() }.exception(),
+        ),
+        (
+            "PhotometryError::Malformed",
+            CratePhotometryError::Malformed {
+                file: "lamp.ies".into(),
+                line: 12,
+                expected: "the input watts".into(),
+                found: "'x'".into(),
+            }
+            .exception(),
+        ),
+        (
+            "PhotometryError::Scale",
+            CratePhotometryError::Scale { file: "lamp.ies".into(), lumens: -1.0, reason: "it has none" }.exception(),
         ),
         ("WriteError::Empty", FormatsWriteError::Empty { scene: "cave".into() }.exception()),
         (

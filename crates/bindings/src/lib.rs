@@ -5,6 +5,7 @@ mod array;
 mod error;
 mod observer;
 mod panics;
+mod photometry;
 mod scene;
 mod settings;
 mod solution;
@@ -20,6 +21,8 @@ mod _isolux {
     use crate::error::error_samples;
     #[pymodule_export]
     use crate::observer::Progress;
+    #[pymodule_export]
+    use crate::photometry::Photometry;
     #[pymodule_export]
     use crate::scene::Scene;
     #[pymodule_export]

@@ -20,6 +20,7 @@ pub use error::{RecordError, RelightError, RenderError, SettingsError, SolveErro
 pub use groups::{ALL, GroupedBy, LightGroup, LightGroups, MOST_GROUPS, light_groups};
 pub use isolux_core as core;
 pub use isolux_formats as formats;
+pub use isolux_photometry as photometry;
 pub use record::{Array, Data, Record};
 pub use relight::Changes;
 pub use render::{RenderSettings, View, render};

@@ -17,6 +17,7 @@ from isolux.exceptions import (
     InternalError,
     IsoluxError,
     NotRelightableError,
+    PhotometryError,
     ReadError,
     RelightError,
     RenderError,
@@ -42,7 +43,7 @@ app = typer.Typer(
     rich_markup_mode="markdown",
     help="Noise-free global illumination of diffuse scenes by hierarchical radiosity.",
     epilog="Exit codes: 0 good, 1 internal error or a result that could not be written, 2 usage, "
-    "3 a scene or solution that cannot be used, 4 not converged (the result is kept), "
+    "3 a scene, luminaire or solution that cannot be used, 4 not converged (the result is kept), "
     "130 cancelled (a partial result is kept).",
 )
 app.command()(inspect.inspect)
@@ -124,7 +125,7 @@ def _failed(error: IsoluxError) -> int:
             return BAD_INPUT
         case SettingsError() | RenderError() | RelightError() | UsageError():
             return USAGE
-        case SceneError() | ReadError() | SolutionFileError():
+        case SceneError() | ReadError() | PhotometryError() | SolutionFileError():
             return BAD_INPUT
         case WriteError():
             return INTERNAL

@@ -1,4 +1,4 @@
-"""``isolux inspect``: what is in a scene, and what is wrong with it."""
+"""``isolux inspect``: what is in a scene or a luminaire, and what is wrong with it."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import typer
 from isolux.cli import tables
 from isolux.cli.options import JsonTarget, Units, load_scene, write_json
 from isolux.cli.terminal import interrupts, show
+from isolux.photometry import PHOTOMETRIC_SUFFIXES, Photometry, read_photometry
 
 if TYPE_CHECKING:
     from isolux.report import Issue
@@ -20,11 +21,18 @@ __all__ = ["inspect"]
 
 
 def inspect(
-    scene: Annotated[Path, typer.Argument(metavar="SCENE", help="glTF (.glb, .gltf) or OBJ.")],
+    scene: Annotated[
+        Path,
+        typer.Argument(
+            metavar="SCENE", help="glTF (.glb, .gltf) or OBJ; or a luminaire, IES (.ies) or EULUMDAT (.ldt)."
+        ),
+    ],
     units: Units = None,
     json: JsonTarget = None,
 ) -> int:
     """Show what is in a scene: extents, polygons, lights and their groups, cameras, materials, findings.
+
+    Of a luminaire: name, lamps, flux as stated and as integrated, intensities, opening, symmetry, warnings.
 
     Findings are what the file leaves open or gets wrong, and faults of its geometry: flipped faces, corners
     inside neighbours' edges, polygons that overlap in one plane. Each names its object.
@@ -35,8 +43,14 @@ def inspect(
         isolux inspect room.obj --units cm
 
         isolux inspect room.glb --json - | jq '.lights[].total'
+
+        isolux inspect lamp.ies
     """
     with interrupts():
+        if scene.suffix.lower() in PHOTOMETRIC_SUFFIXES:
+            if units is not None:
+                raise typer.BadParameter("a luminaire's file says its units", param_hint="--units")
+            return _show_luminaire(read_photometry(scene), json)
         loaded = load_scene(scene, units)
         loaded.check()
         findings = sorted(loaded.issues + loaded.audit(), key=lambda issue: issue.severity != "warning")
@@ -80,4 +94,32 @@ def _values(scene: Scene, source: Path, findings: list[Issue]) -> dict[str, Any]
         "emitted_power": scene.emitted_power,
         "cameras": scene.cameras,
         "issues": [dataclasses.asdict(issue) for issue in findings],
+    }
+
+
+def _show_luminaire(luminaire: Photometry, json: str | None) -> int:
+    if write_json(json, _luminaire_values(luminaire)):
+        return 0
+    show(
+        tables.luminaire(luminaire),
+        "",
+        tables.lines("warnings", luminaire.warnings) if luminaire.warnings else "no warnings",
+    )
+    return 0
+
+
+def _luminaire_values(luminaire: Photometry) -> dict[str, Any]:
+    """Everything, for programs."""
+    fields = [field.name for field in dataclasses.fields(luminaire) if not field.name.startswith("_")]
+    values = {name: getattr(luminaire, name) for name in fields}
+    return {
+        **values,
+        "units": {"length": "m", "angle": "degree", "flux": "lm", "intensity": "cd", "power": "W"},
+        "lamps": [dataclasses.asdict(lamps) for lamps in luminaire.lamps],
+        "opening": dataclasses.asdict(luminaire.opening),
+        "peak": dataclasses.asdict(luminaire.peak),
+        "upward": luminaire.upward,
+        "vertical": luminaire.vertical.tolist(),
+        "horizontal": luminaire.horizontal.tolist(),
+        "candela": luminaire.candela.tolist(),
     }

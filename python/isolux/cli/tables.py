@@ -12,11 +12,22 @@ from isolux.scene import total_power
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
+    from isolux.photometry import LampSet, Photometry
     from isolux.report import Bands, ErrorEstimate, GroupsReport, Issue, Report, Unit
     from isolux.scene import Light, LightGroup, Material, Scene
     from isolux.settings import Settings
 
-__all__ = ["issues", "light_groups", "lights", "materials", "relit", "report", "scene"]
+__all__ = [
+    "issues",
+    "light_groups",
+    "lights",
+    "lines",
+    "luminaire",
+    "materials",
+    "relit",
+    "report",
+    "scene",
+]
 
 
 def scene(scene: Scene, source: str) -> Table:
@@ -93,6 +104,90 @@ def materials(materials: Sequence[Material], unit: Unit) -> Table:
         for material in materials
     )
     return _table(names, rows)
+
+
+def luminaire(luminaire: Photometry) -> Table:
+    """What a luminaire is."""
+    peak = luminaire.peak
+    x, y, z = luminaire.opening.size
+    across, along = len(luminaire.horizontal), len(luminaire.vertical)
+    rows = [
+        ("luminaire", luminaire.luminaire or "no name"),
+        (
+            "made by",
+            ", ".join(word for word in (luminaire.manufacturer, luminaire.catalogue) if word) or "not stated",
+        ),
+        ("file", luminaire.file),
+        (
+            "format",
+            f"{luminaire.format}, type {luminaire.kind}, "
+            f"{'absolute' if luminaire.absolute else 'relative'} photometry",
+        ),
+        ("lamps", "; or ".join(_lamps(lamps) for lamps in luminaire.lamps)),
+        ("lumens, stated", _stated(luminaire)),
+        ("lumens, integrated", f"{luminaire.flux:.6g} lm{_shares(luminaire)}"),
+        ("watts", "not stated" if luminaire.watts is None else _watts(luminaire.watts, luminaire.flux)),
+        (
+            "highest intensity",
+            f"{peak.candela:.6g} cd at vertical {peak.vertical:g}°, horizontal {peak.horizontal:g}°",
+        ),
+        ("beam angle (50 %)", _angles(luminaire.beam)),
+        ("field angle (10 %)", _angles(luminaire.field)),
+        (
+            "opening",
+            "point"
+            if luminaire.opening.shape == "point"
+            else f"{luminaire.opening.shape}, {x:.4g} x {y:.4g} x {z:.4g} m along X, Y, Z",
+        ),
+        (
+            "angles",
+            f"{along} vertical, {luminaire.vertical[0]:g}° to {luminaire.vertical[-1]:g}°; "
+            f"{across} horizontal, {luminaire.horizontal[0]:g}° to {luminaire.horizontal[-1]:g}°",
+        ),
+        ("symmetry", luminaire.symmetry),
+        ("tilt", luminaire.tilt),
+    ]
+    return _pairs(rows)
+
+
+def lines(title: str, entries: Iterable[str]) -> Table:
+    """Sentences below each other."""
+    return _table([(title, "left")], ((entry,) for entry in entries))
+
+
+def _lamps(lamps: LampSet) -> str:
+    parts = [f"{lamps.count:g} x {lamps.name or 'lamp'}"]
+    parts += [f"{lamps.lumens:.6g} lm in all"] if lamps.lumens is not None else []
+    parts += [f"{lamps.watts:g} W"] if lamps.watts is not None else []
+    parts += [word for word in (lamps.colour, lamps.rendering) if word]
+    return ", ".join(parts)
+
+
+def _stated(luminaire: Photometry) -> str:
+    parts = []
+    if luminaire.stated_lumens is not None:
+        parts.append(f"{luminaire.stated_lumens:.6g} lm from the luminaire")
+    if luminaire.lamp_lumens is not None and not luminaire.absolute:
+        parts.append(f"{luminaire.lamp_lumens:.6g} lm from its lamps")
+    return ", ".join(parts) or "not stated"
+
+
+def _shares(luminaire: Photometry) -> str:
+    parts = []
+    if luminaire.output_ratio is not None:
+        parts.append(f"{100 * luminaire.output_ratio:.1f} % of the lamps'")
+    if luminaire.downward is not None and luminaire.upward is not None:
+        parts.append(f"{100 * luminaire.downward:.1f} % down, {100 * luminaire.upward:.1f} % up")
+    return f" ({'; '.join(parts)})" if parts else ""
+
+
+def _watts(watts: float, flux: float) -> str:
+    return f"{watts:g} W ({flux / watts:.4g} lm/W)"
+
+
+def _angles(angles: tuple[float | None, float | None]) -> str:
+    along, across = ("dark" if angle is None else f"{angle:.1f}°" for angle in angles)
+    return f"{along} in the plane X/Z, {across} in Y/Z"
 
 
 def issues(issues: Sequence[Issue]) -> Table:
