@@ -12,12 +12,12 @@ export function ramp(palette: Palette, turn: string): string {
   return `linear-gradient(${turn}, ${stops.join(", ")})`;
 }
 
-/** A ramp with ticks; `lined`: contours are drawn at them. */
-export function showScale(title: string, palette: Palette, range: Range, lined: boolean, isFlat: boolean): void {
+/** A ramp with ticks, or an empty one where lines alone are drawn; `lined`: contours are drawn at the ticks. */
+export function showScale(title: string, palette: Palette | null, range: Range, lined: boolean, isFlat: boolean): void {
   any("legend").hidden = false;
   any("legend-title").textContent = title;
-  const bar = make("div", "", { class: "ramp" });
-  bar.style.background = ramp(palette, isFlat ? "to right" : "to top");
+  const bar = make("div", "", { class: palette === null ? "ramp bare" : "ramp" });
+  if (palette !== null) bar.style.background = ramp(palette, isFlat ? "to right" : "to top");
   const labels = make("div", [], { class: lined ? "ticks lined" : "ticks" });
   let last = -Infinity;
   // On a narrow screen labels stand side by side, and need more room.
@@ -30,6 +30,8 @@ export function showScale(title: string, palette: Palette, range: Range, lined: 
     if (label.className === "edge" && !isFlat) continue;
     label.style.bottom = `${100 * place}%`;
     label.style.setProperty("--at", `${100 * place}%`);
+    // At its ends it stays within the legend.
+    if (isFlat && label.className === "") label.className = place > 0.93 ? "last" : place < 0.07 ? "first" : "";
     labels.append(label);
   }
   any("legend-body").replaceChildren(make("div", [bar, labels], { class: "scale" }));

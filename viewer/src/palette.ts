@@ -76,14 +76,19 @@ function rounded(value: number): number {
   return Number(value.toPrecision(12));
 }
 
-/** A range with round ends that holds most of some values: from their 2nd to their 99th percentile. */
-export function fitting(values: Float32Array, isLog: boolean): Range {
-  const positive = values.filter((value) => value > 0).sort();
-  if (positive.length === 0) return { low: isLog ? 0.01 : 0, high: 1, isLog };
-  const at = (share: number): number => positive[Math.floor(share * (positive.length - 1))]!;
+/** A range with round ends that holds most of some values, each with its area: from the 1st to the 99th percentile of the area. */
+export function fitting(values: Float64Array, areas: Float64Array, isLog: boolean): Range {
+  const order = Array.from(values.keys()).filter((k) => values[k]! > 0 && areas[k]! > 0);
+  if (order.length === 0) return { low: isLog ? 0.01 : 0, high: 1, isLog };
+  order.sort((a, b) => values[a]! - values[b]!);
+  const whole = order.reduce((sum, k) => sum + areas[k]!, 0);
+  const at = (share: number): number => {
+    let below = 0;
+    return values[order.find((k) => (below += areas[k]!) >= share * whole) ?? order.at(-1)!]!;
+  };
   const high = outwards(at(0.99), 1);
   if (!isLog) return { low: 0, high, isLog };
-  const low = outwards(Math.max(at(0.02), high * 1e-4), -1);
+  const low = outwards(Math.max(at(0.01), high * 1e-4), -1);
   return { low: low < high ? low : high / 10, high, isLog };
 }
 

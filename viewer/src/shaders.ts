@@ -4,7 +4,7 @@
 /** Most contours: a logarithmic range of five decades has 15. */
 export const MOST_CONTOURS = 32;
 
-/** Polygons in a row of the table of surfaces; each takes two texels. */
+/** Polygons in a row of the table of surfaces; each takes four texels: reflectance and opacity, emission, normal. */
 export const TABLE_WIDTH = 1024;
 
 export const SURFACE_VERTEX = /* glsl */ `
@@ -13,6 +13,7 @@ precision highp int;
 uniform mat4 modelViewMatrix;
 uniform mat4 projectionMatrix;
 uniform highp sampler2D surfaces;
+uniform vec3 eye;
 in vec3 position;
 in vec3 irradiance;
 in uint polygon;
@@ -22,14 +23,21 @@ flat out vec3 emission;
 flat out float opacity;
 
 void main() {
-  int at = 2 * int(polygon);
-  ivec2 place = ivec2(at % ${2 * TABLE_WIDTH}, at / ${2 * TABLE_WIDTH});
+  int at = 4 * int(polygon);
+  ivec2 place = ivec2(at % ${4 * TABLE_WIDTH}, at / ${4 * TABLE_WIDTH});
   vec4 first = texelFetch(surfaces, place, 0);
   reflectance = first.rgb;
   opacity = first.a;
   emission = texelFetch(surfaces, place + ivec2(1, 0), 0).rgb;
   arriving = irradiance;
   gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0);
+#ifdef EDGES
+  // Edges close the cracks that rasterisation leaves where an edge ends within another. They lie behind all surfaces
+  // that touch them, and only edges of faces that are seen are there.
+  vec3 normal = texelFetch(surfaces, place + ivec2(2, 0), 0).xyz;
+  if (dot(normal, eye - position) <= 0.0) gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
+  else gl_Position.z += 1e-5 * gl_Position.w;
+#endif
 }
 `;
 

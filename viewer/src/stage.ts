@@ -48,7 +48,7 @@ interface Shown {
   data: ViewData;
   light: Light;
   trees: Trees;
-  surfaces: THREE.Mesh[];
+  surfaces: (THREE.Mesh | THREE.LineSegments)[];
   backs: THREE.Mesh;
   leaves: THREE.Mesh | null;
   table: THREE.DataTexture;
@@ -67,6 +67,7 @@ export class Stage {
   private look: Look | null = null;
   private requested = 0;
   private readonly surface: THREE.RawShaderMaterial;
+  private readonly edges: THREE.RawShaderMaterial;
   private readonly panes: THREE.RawShaderMaterial;
   private readonly back: THREE.RawShaderMaterial;
   private readonly leaf: THREE.RawShaderMaterial;
@@ -80,6 +81,7 @@ export class Stage {
     this.scene.add(this.overlay);
     const uniforms = {
       surfaces: { value: null },
+      eye: { value: new THREE.Vector3() },
       mode: { value: 0 },
       exposure: { value: 1 },
       white: { value: 4 },
@@ -98,6 +100,8 @@ export class Stage {
       uniforms,
     };
     this.surface = new THREE.RawShaderMaterial(surface);
+    this.edges = new THREE.RawShaderMaterial({ ...surface, defines: { EDGES: 1 } });
+    this.edges.uniforms = this.surface.uniforms;
     this.panes = new THREE.RawShaderMaterial({
       ...surface,
       transparent: true,
@@ -152,26 +156,35 @@ export class Stage {
     }
     const polygon = new THREE.BufferAttribute(owners, 1);
     const table = new THREE.DataTexture(
-      new Float32Array(8 * TABLE_WIDTH * Math.max(1, Math.ceil(count / TABLE_WIDTH))),
-      2 * TABLE_WIDTH,
+      new Float32Array(16 * TABLE_WIDTH * Math.max(1, Math.ceil(count / TABLE_WIDTH))),
+      4 * TABLE_WIDTH,
       Math.max(1, Math.ceil(count / TABLE_WIDTH)),
       THREE.RGBAFormat,
       THREE.FloatType,
     );
-    const part = (takes: (polygon: number) => boolean, material: THREE.Material): THREE.Mesh => {
+    const texels = table.image.data as Float32Array;
+    for (let polygon = 0; polygon < count; polygon++) texels.set(light.normal(polygon), 16 * polygon + 8);
+    const indexed = (index: Uint32Array<ArrayBuffer>): THREE.BufferGeometry => {
       const geometry = new THREE.BufferGeometry();
       geometry.setAttribute("position", positions);
       geometry.setAttribute("irradiance", irradiance);
       geometry.setAttribute("polygon", polygon);
-      geometry.setIndex(new THREE.BufferAttribute(chosen(triangles, triangleStart, count, takes), 1));
-      const mesh = new THREE.Mesh(geometry, material);
+      return geometry.setIndex(new THREE.BufferAttribute(index, 1));
+    };
+    const part = (takes: (polygon: number) => boolean, material: THREE.Material): THREE.Mesh => {
+      const mesh = new THREE.Mesh(indexed(chosen(triangles, triangleStart, count, takes)), material);
       // One mesh is the whole scene: there is nothing to cull.
       mesh.frustumCulled = false;
       this.scene.add(mesh);
       return mesh;
     };
     const isPane = (polygon: number): boolean => light.opacity[polygon]! < 1;
-    const surfaces = [part((polygon) => !isPane(polygon), this.surface)];
+    const surfaces: Shown["surfaces"] = [part((polygon) => !isPane(polygon), this.surface)];
+    const borders = chosen(triangles, triangleStart, count, (polygon) => !isPane(polygon));
+    const edges = new THREE.LineSegments(indexed(outlines(borders, owners, positions.array, data, trees)), this.edges);
+    edges.frustumCulled = false;
+    this.scene.add(edges);
+    surfaces.push(edges);
     if (light.opacity.some((opacity) => opacity < 1)) surfaces.push(part(isPane, this.panes));
     const backs = part((polygon) => twin[polygon] === NONE, this.back);
     const deepest = trees.level.reduce((most, level) => Math.max(most, level), 0);
@@ -196,9 +209,9 @@ export class Stage {
     irradiance.needsUpdate = true;
     const texels = table.image.data as Float32Array;
     for (let polygon = 0; polygon < light.opacity.length; polygon++) {
-      texels.set(light.reflectanceOf(polygon), 8 * polygon);
-      texels[8 * polygon + 3] = light.opacity[polygon]!;
-      texels.set(light.emissionOf(polygon), 8 * polygon + 4);
+      texels.set(light.reflectanceOf(polygon), 16 * polygon);
+      texels[16 * polygon + 3] = light.opacity[polygon]!;
+      texels.set(light.emissionOf(polygon), 16 * polygon + 4);
     }
     table.needsUpdate = true;
     this.invalidate();
@@ -233,7 +246,7 @@ export class Stage {
     this.leaf.depthWrite = isLevels;
     this.leaf.transparent = !isLevels;
     this.leaf.uniforms["deepest"]!.value = deepest;
-    const ink = look.mode === "light" ? [1, 1, 1, 0.42] : [0, 0, 0, 0.5];
+    const ink = look.mode === "light" ? [1, 1, 1, 0.4] : [0, 0, 0, look.mode === "levels" ? 0.38 : 0.5];
     this.leaf.uniforms["wire"]!.value.set(...ink);
     this.leaf.needsUpdate = true;
     this.invalidate();
@@ -368,6 +381,7 @@ export class Stage {
 
   draw(): void {
     this.onFrame();
+    this.surface.uniforms["eye"]!.value.copy(this.camera.position);
     this.renderer.render(this.scene, this.camera);
   }
 
@@ -449,6 +463,55 @@ function chosen(
     at += own.length;
   }
   return index;
+}
+
+/** Edges of triangles that lie on the outlines of roots, as pairs of vertices. */
+function outlines(
+  triangles: Uint32Array,
+  owners: Uint32Array,
+  positions: ArrayLike<number>,
+  data: ViewData,
+  trees: Trees,
+): Uint32Array<ArrayBuffer> {
+  const { origin } = data.header;
+  const rootsOf: number[][] = Array.from({ length: (owners.at(-1) ?? -1) + 1 }, () => []);
+  for (let root = 0; root < trees.roots; root++) rootsOf[trees.rootPolygon[root]!]?.push(root);
+  // By vertex: a bit for each side of the roots that it lies on; 32 are enough for all but rare fragments.
+  const sides = new Uint32Array(owners.length);
+  let first = 0;
+  rootsOf.forEach((roots, polygon) => {
+    let last = first;
+    while (last < owners.length && owners[last] === polygon) last++;
+    let bit = 0;
+    for (const root of roots) {
+      const corners = trees.cornersOfRoot(root);
+      corners.forEach((corner, k) => {
+        const next = corners[(k + 1) % corners.length]!;
+        const [ax, ay, az] = [0, 1, 2].map((axis) => corner[axis]! - origin[axis]!) as Bands;
+        const [ux, uy, uz] = [0, 1, 2].map((axis) => next[axis]! - corner[axis]!) as Bands;
+        const square = ux * ux + uy * uy + uz * uz;
+        const slack = 1e-5 * Math.sqrt(square) + 1e-6 * Math.hypot(ax, ay, az);
+        for (let vertex = first; vertex < last; vertex++) {
+          const x = positions[3 * vertex]! - ax;
+          const y = positions[3 * vertex + 1]! - ay;
+          const z = positions[3 * vertex + 2]! - az;
+          const part = (x * ux + y * uy + z * uz) / square;
+          const [dx, dy, dz] = [x - part * ux, y - part * uy, z - part * uz];
+          if (dx * dx + dy * dy + dz * dz < slack * slack) sides[vertex]! |= 1 << bit % 32;
+        }
+        bit++;
+      });
+    }
+    first = last;
+  });
+  const found: number[] = [];
+  for (let at = 0; at < triangles.length; at += 3) {
+    for (let k = 0; k < 3; k++) {
+      const [one, other] = [triangles[at + k]!, triangles[at + ((k + 1) % 3)]!];
+      if ((sides[one]! & sides[other]!) !== 0) found.push(one, other);
+    }
+  }
+  return new Uint32Array(found);
 }
 
 function fat(positions: number[], tints: number[] | null, width: number, colour: number): LineSegments2 {

@@ -11,7 +11,10 @@ import { any, button, element, fill, input, make, select } from "./page";
 import { fitting, PALETTES, type Palette } from "./palette";
 import { Picker, type Ray, type Reading } from "./pick";
 import { linkColour, MOST_DRAWN, Stage, type Look, type Mode } from "./stage";
-import { Trees } from "./tree";
+import { areaOf, Trees } from "./tree";
+
+/** Triangles that a range of values is found from. */
+const MOST_SAMPLES = 50_000;
 
 /** A solution in all its parts. */
 interface Solved {
@@ -224,7 +227,9 @@ export class Viewer {
 
   private choose(reading: Reading): Reading {
     this.picked = reading;
+    element("point", HTMLDetailsElement).open = true;
     this.tell();
+    any("point").scrollIntoView({ block: "nearest" });
     return reading;
   }
 
@@ -259,7 +264,7 @@ export class Viewer {
       ...(reading.opacity < 1 ? [["Opacity", number(reading.opacity, 3)] as [string, string]] : []),
     ]);
     const rows: [string, Bands, number][] = [
-      [`Irradiance, ${units.radiosity}`, reading.irradiance, 4],
+      [`Irradiance, ${units.irradiance}`, reading.irradiance, 4],
       [`Radiosity, ${units.radiosity}`, reading.radiosity, 4],
       ["Reflectance", reading.reflectance, 3],
     ];
@@ -347,15 +352,21 @@ export class Viewer {
   /** A range that fits what is there. */
   private fit(): void {
     const { light, data } = this.known();
-    const { vertices } = light;
+    const [triangles, positions] = [data.u32("mesh/triangles"), data.f32("mesh/positions")];
     const owners = this.look.luminances ? owner(data) : null;
-    const values = new Float32Array(vertices.length / 3);
-    for (let k = 0; k < values.length; k++) {
-      const arriving: Bands = [vertices[3 * k]!, vertices[3 * k + 1]!, vertices[3 * k + 2]!];
-      const shown = owners === null ? arriving : light.radiosity(owners[k]!, arriving);
+    // Some are enough.
+    const step = Math.max(1, Math.floor(triangles.length / 3 / MOST_SAMPLES));
+    const length = Math.ceil(triangles.length / 3 / step);
+    const [values, areas] = [new Float64Array(length), new Float64Array(length)];
+    for (let k = 0; k < length; k++) {
+      const corners = [0, 1, 2].map((corner) => triangles[3 * k * step + corner]!);
+      areas[k] = areaOf(corners.map((vertex) => row(positions, vertex)));
+      const each = corners.map((vertex) => row(light.vertices, vertex));
+      const arriving = [0, 1, 2].map((band) => (each[0]![band]! + each[1]![band]! + each[2]![band]!) / 3) as Bands;
+      const shown = owners === null ? arriving : light.radiosity(owners[corners[0]!]!, arriving);
       values[k] = light.scalarOf(shown) / (owners === null ? 1 : Math.PI);
     }
-    this.look.range = fitting(values, this.look.range.isLog);
+    this.look.range = fitting(values, areas, this.look.range.isLog);
   }
 
   // The look.
@@ -394,8 +405,7 @@ export class Viewer {
       const title = look.luminances
         ? `${units.luminanceName}, ${units.luminance}`
         : `${units.irradianceName}, ${units.irradiance}`;
-      const palette = look.mode === "light" ? "grey" : look.palette;
-      showScale(title, palette, look.range, look.contours, isFlat);
+      showScale(title, look.mode === "light" ? null : look.palette, look.range, look.contours, isFlat);
     } else {
       hide();
     }
@@ -434,7 +444,7 @@ export class Viewer {
     const units = UNITS[header.unit];
     document.title = `${header.name} – isolux`;
     any("name").textContent = header.name;
-    any("summary").textContent = `${count(header.leaves)} leaves, ${count(report.links.total)} links, ${report.schedule}`;
+    any("summary").textContent = `${count(header.leaves)} leaves · ${count(report.links.total)} links`;
     select("quantity").replaceChildren(
       make("option", `${units.irradianceName}, ${units.irradiance}`, { value: "irradiance" }),
       make("option", `${units.luminanceName}, ${units.luminance}`, { value: "luminance" }),
@@ -457,6 +467,7 @@ export class Viewer {
       ["Mean irradiance", `${number(light.scalarOf(report.mean_irradiance))} ${units.irradiance}`],
       ["Polygons", count(report.polygons)],
       ["Elements", count(report.elements)],
+      ["Schedule", report.schedule],
       ["Leaves", `${count(report.leaves)} in ${trees.level.reduce((a, b) => Math.max(a, b), 0) + 1} levels`],
       ["Links", count(report.links.total)],
     );
@@ -639,6 +650,10 @@ export class Viewer {
 function tinted(weights: Bands): { weight: number; tint: Bands } {
   const weight = Math.max(...weights);
   return { weight, tint: weight > 0 ? (weights.map((band) => band / weight) as Bands) : [1, 1, 1] };
+}
+
+function row(values: Float32Array, at: number): Bands {
+  return [values[3 * at]!, values[3 * at + 1]!, values[3 * at + 2]!];
 }
 
 /** The polygon of each vertex. */
