@@ -68,6 +68,8 @@ export class Light {
         vertices[at + 2]! += blue * columns[start + at + 2]!;
       }
     });
+    // Columns may be below 0 at places, sums of them may not.
+    for (let at = 0; at < length; at++) if (vertices[at]! < 0) vertices[at] = 0;
     this.version++;
   }
 

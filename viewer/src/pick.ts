@@ -19,8 +19,8 @@ export interface Hit {
 export interface Reading {
   root: number;
   polygon: number;
-  /** The input triangle of the front; the first of a joined pair. */
-  face: number;
+  /** The input triangles that it is made of, one or two. */
+  faces: number[];
   isBack: boolean;
   point: Bands;
   object: string;
@@ -97,7 +97,7 @@ export class Picker {
     return {
       root,
       polygon,
-      face: this.faces[2 * polygon]!,
+      faces: [this.faces[2 * polygon]!, this.faces[2 * polygon + 1]!].filter((face) => face !== NONE),
       isBack: polygon >= header.fronts,
       point,
       object: header.objects[this.object[polygon]!] ?? "",

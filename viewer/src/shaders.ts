@@ -32,11 +32,12 @@ void main() {
   arriving = irradiance;
   gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0);
 #ifdef EDGES
-  // Edges close the cracks that rasterisation leaves where an edge ends within another. They lie behind all surfaces
-  // that touch them, and only edges of faces that are seen are there.
+  // Edges close the cracks that rasterisation leaves where an edge ends within another. They lie 4 % further off, behind
+  // the surfaces that touch them: on slanted ones a pixel spans as much. Only edges of faces that are seen are there.
   vec3 normal = texelFetch(surfaces, place + ivec2(2, 0), 0).xyz;
   if (dot(normal, eye - position) <= 0.0) gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
-  else gl_Position.z += 1e-5 * gl_Position.w;
+  vec4 off = projectionMatrix * vec4(1.04 * (modelViewMatrix * vec4(position, 1.0)).xyz, 1.0);
+  gl_Position.z = off.z / off.w * gl_Position.w;
 #endif
 }
 `;

@@ -154,6 +154,16 @@ export class Viewer {
     this.navigation.preset(camera, header);
   }
 
+  /** Looks from a point to a point. */
+  stand(eye: Bands, at: Bands, angle = 60): void {
+    const { header } = this.known().data;
+    const away = [0, 1, 2].map((k) => at[k]! - eye[k]!) as Bands;
+    const length = Math.hypot(...away);
+    const forward = away.map((x) => x / length) as Bands;
+    const vertical_angle = (angle * Math.PI) / 180;
+    this.navigation.preset({ name: "", eye, forward, up: [0, 0, -1], vertical_angle, height: null }, header);
+  }
+
   /** Where a point is on the canvas, CSS pixels. */
   project(point: Bands): [number, number] {
     this.navigation.place(this.known().data.header.origin);
@@ -260,7 +270,7 @@ export class Viewer {
       [units.luminanceName, `${number(reading.luminance)} ${units.luminance}`],
       ["Position", `${reading.point.map((x) => x.toFixed(3)).join(", ")} m`],
       ["Element", `${count(reading.element)} · level ${reading.level}`],
-      ["Polygon", `${count(reading.polygon)} · triangle ${count(reading.face)}`],
+      ["Polygon", `${count(reading.polygon)} · ${reading.faces.length > 1 ? "triangles" : "triangle"} ${reading.faces.join(", ")}`],
       ...(reading.opacity < 1 ? [["Opacity", number(reading.opacity, 3)] as [string, string]] : []),
     ]);
     const rows: [string, Bands, number][] = [

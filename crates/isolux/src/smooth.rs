@@ -126,8 +126,9 @@ pub(crate) fn blend(
     blend_columns(scene, tracer, elements, light, fields, &[]).map(|(surfaces, _)| surfaces)
 }
 
-/// The same, and irradiance by column and vertex of the mesh. `columns`: fields of leaves in ascending order, of parts of the
-/// light. What is decided by looking at the light is decided by all of it.
+/// The same, and irradiance by column and vertex of the mesh, below 0 where a part of the light is: a sum of them is to be cut
+/// off at nothing. `columns`: fields of leaves in ascending order, of parts of the light. What is decided by looking at the
+/// light is decided by all of it.
 pub(crate) fn blend_columns(
     scene: &Scene,
     tracer: &Tracer,
@@ -153,29 +154,35 @@ pub(crate) fn blend_columns(
         })
         .collect();
     let normal = |leaf| scene.polygons[elements.get(leaf).polygon as usize].plane.normal;
-    let in_leaf = |leaf: ElementId, position: DVec3, field: &Field| {
-        isolux_wavefront::irradiance_in(&elements.get(leaf).corners, normal(leaf), position, field)
+    // Light is cut off at nothing, band by band. Parts of it are where all of it is, and nowhere else: so they add up.
+    let in_leaf = |leaf: ElementId, position: DVec3, part: Option<&Field>| {
+        let (corners, normal) = (&elements.get(leaf).corners, normal(leaf));
+        let all = isolux_wavefront::irradiance_in(corners, normal, position, &fields[leaf.index()]);
+        let Some(part) = part else { return all };
+        let part = isolux_wavefront::signed_irradiance_in(corners, normal, position, part);
+        Rgb([0, 1, 2].map(|band| if all[band] > 0.0 { part[band] } else { 0.0 }))
     };
-    let at_sites = |field: &(dyn Fn(ElementId) -> usize + Sync), fields: &[Field]| {
+    let mut rows = vec![0; elements.len()];
+    elements.leaves().enumerate().for_each(|(row, leaf)| rows[leaf.index()] = row);
+    let at_sites = |column: Option<&Vec<Field>>| {
+        let part = |leaf: ElementId| column.map(|column| &column[rows[leaf.index()]]);
         let mut values = vec![Rgb::ZERO; plan.vertices()];
         for (site, leaf) in plan.around().filter(|&(_, leaf)| is_open(leaf)) {
-            values[site] += in_leaf(leaf, plan.positions()[site], &fields[field(leaf)]);
+            values[site] += in_leaf(leaf, plan.positions()[site], part(leaf));
         }
         for (value, around) in values.iter_mut().zip(&around).filter(|(_, around)| around.count > 0.0) {
             *value = *value / around.count;
         }
         for &(site, leaf, position) in &tops {
-            values[site] = in_leaf(leaf, position, &fields[field(leaf)]);
+            values[site] = in_leaf(leaf, position, part(leaf));
         }
         values
     };
-    let mut values = at_sites(&|leaf| leaf.index(), fields);
+    let mut values = at_sites(None);
     let (covered, openness) = shaded(&plan, tracer, elements, &values, &around);
     plan.uncover(tracer, &covered, &mut values, &openness);
-    let mut rows = vec![0; elements.len()];
-    elements.leaves().enumerate().for_each(|(row, leaf)| rows[leaf.index()] = row);
     let at_column = |column: &Vec<Field>| {
-        let mut values = at_sites(&|leaf| rows[leaf.index()], column);
+        let mut values = at_sites(Some(column));
         plan.uncover(tracer, &covered, &mut values, &openness);
         values
     };

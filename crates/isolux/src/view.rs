@@ -23,7 +23,7 @@
 //! |---|---|
 //! | `mesh/positions` f32 (v, 3), `mesh/triangles` u32 (t, 3) | the surfaces without cracks |
 //! | `mesh/vertex_start`, `mesh/triangle_start` u32 (p + 1) | whose they are |
-//! | `mesh/irradiance` f32 (g, v, 3) | irradiance at the vertices |
+//! | `mesh/irradiance` f32 (g, v, 3) | irradiance at the vertices; below 0 where a part of the light is: sums are cut off there |
 //! | `mesh/leaf` u32 (t), `mesh/bilinear` u8 (t) | without fields: the element of each triangle; 1 and 2 where it is the first or the second half of a quadrilateral in which values are bilinear, else 0 |
 //! | `roots/corners` f64 (r, 4, 3), `roots/corner_count` u8 (r), `roots/polygon` u32 (r) | roots of the quadtrees; not relative |
 //! | `elements/first_child` u32 (n) | the first of four children, or `NONE`; roots come first |
@@ -95,7 +95,7 @@ struct Header<'a> {
     white: f64,
     /// The columns of light.
     groups: Vec<HeaderGroup>,
-    /// The view to begin with, then the scene's cameras.
+    /// The scene's cameras, or a computed view where it has none: the first one is the view to begin with.
     cameras: Vec<HeaderCamera<'a>>,
     objects: Vec<&'a str>,
     materials: Vec<&'a str>,
@@ -264,9 +264,13 @@ impl Solution {
             left_out.insert("links", format!("there are {count}, more than {}", limits.links));
         }
 
-        let start = resolve(self, &View::Default);
-        let beginning = start.iter().map(|camera| HeaderCamera::of(camera, "overview"));
-        let own = scene.cameras.iter().map(|camera| HeaderCamera::of(camera, &camera.name));
+        let own: Vec<HeaderCamera<'_>> =
+            scene.cameras.iter().map(|camera| HeaderCamera::of(camera, &camera.name)).collect();
+        let cameras = if own.is_empty() {
+            resolve(self, &View::Default).iter().map(|camera| HeaderCamera::of(camera, "overview")).collect()
+        } else {
+            own
+        };
         let ToneMap::Reinhard { white } = ToneMap::default() else { unreachable!("the usual tone map has a white") };
         let header = Header {
             version: crate::VERSION,
@@ -279,7 +283,7 @@ impl Solution {
             exposure: auto_exposure(mesh, scene),
             white,
             groups: self.header_groups(&shown, &leaves),
-            cameras: beginning.chain(own).collect(),
+            cameras,
             objects: scene.objects.iter().map(|object| object.name.as_str()).collect(),
             materials: scene.materials.iter().map(|material| material.name.as_str()).collect(),
             leaves: leaves.len(),

@@ -163,6 +163,13 @@ pub fn irradiance_in(corners: &Corners, normal: DVec3, point: DVec3, field: &Fie
     Rgb(crate::read::within(corners, normal, point, field).map(f64::from))
 }
 
+/// The same before it is cut off at nothing, so that parts of the light add up: W/m² or lm/m², and below 0 where a part of a
+/// field is.
+#[must_use]
+pub fn signed_irradiance_in(corners: &Corners, normal: DVec3, point: DVec3, field: &Field) -> Rgb {
+    Rgb(crate::read::signed_within(corners, normal, point, field))
+}
+
 /// Mean irradiance over a leaf of so many corners, from its field, W/m² or lm/m²; not below 0.
 #[must_use]
 pub fn mean_irradiance_in(count: usize, field: &Field) -> Rgb {
