@@ -362,7 +362,7 @@ def test_mouse_turns_and_picks(room):
     assert page.is_hidden("#point-values")
     page.mouse.click(300, 350)
     assert page.is_visible("#point-values")
-    page.wait_for_selector("#tag", state="visible")
+    page.wait_for_selector("#tag-value", state="visible")
     assert room.ask("v.view") == after
     page.mouse.wheel(0, -300)
     page.wait_for_timeout(100)
