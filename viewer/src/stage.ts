@@ -511,7 +511,40 @@ function outlines(
       if ((sides[one]! & sides[other]!) !== 0) found.push(one, other);
     }
   }
-  return new Uint32Array(found);
+  return unmatched(found, positions);
+}
+
+/** Of edges, pairs of vertices, those that no other one joins from end to end: there alone cracks can be. */
+function unmatched(edges: number[], positions: ArrayLike<number>): Uint32Array<ArrayBuffer> {
+  const bits = new Uint32Array(Float32Array.from(positions).buffer);
+  const hash = (vertex: number): number => {
+    let mixed = 0;
+    for (let axis = 0; axis < 3; axis++) {
+      // Both zeros are one.
+      const own = bits[3 * vertex + axis]!;
+      mixed = Math.imul(mixed ^ (own === 0x80000000 ? 0 : own), 0x9e3779b1);
+      mixed ^= mixed >>> 15;
+    }
+    return mixed;
+  };
+  const slots = 2 ** Math.ceil(Math.log2(edges.length + 2));
+  const [tags, counts] = [new Float64Array(slots), new Uint8Array(slots)];
+  const slotOf = (one: number, other: number): number => {
+    // The same in both directions; two edges that share a tag by chance, one in 10^15 pairs, keep a crack at worst.
+    const [a, b] = [hash(one), hash(other)];
+    const tag = ((a + b) >>> 0) * 0x200000 + ((Math.imul(a, b) ^ (a ^ b)) & 0x1fffff) + 1;
+    let slot = (Math.imul((a + b) ^ Math.imul(a, b), 0x85ebca6b) >>> 0) % slots;
+    while (tags[slot] !== 0 && tags[slot] !== tag) slot = (slot + 1) % slots;
+    tags[slot] = tag;
+    return slot;
+  };
+  const places = new Uint32Array(edges.length / 2);
+  for (let k = 0; k < places.length; k++) {
+    const slot = slotOf(edges[2 * k]!, edges[2 * k + 1]!);
+    places[k] = slot;
+    counts[slot] = Math.min(counts[slot]! + 1, 2);
+  }
+  return new Uint32Array(edges.filter((_, at) => counts[places[at >> 1]!] === 1));
 }
 
 function fat(positions: number[], tints: number[] | null, width: number, colour: number): LineSegments2 {

@@ -99,7 +99,7 @@ fn arrays_say_what_the_solution_says() {
             assert_eq!(row[..corners.len()], corners);
         }
         for (row, polygon) in view.rows("polygons/reflectance").iter().zip(&scene.polygons) {
-            assert!((bands(row) - polygon.reflectance).max_component().abs() < 1e-7);
+            assert!((bands(row) - polygon.reflectance).map(f64::abs).max_component() < 1e-7);
         }
         for (row, polygon) in view.rows("polygons/normal").iter().zip(&scene.polygons) {
             assert_eq!(row[..], polygon.plane.normal.to_array());
@@ -141,7 +141,7 @@ fn columns_add_up_to_the_total() {
     let mean = groups.iter().map(|group| bands(&floats(&group["mean_irradiance"]))).sum::<Rgb>();
     let told = solution.report().mean_irradiance;
     // Leaves that have less than nothing of a group are cut off one by one: measured 1.2e-5.
-    assert!((mean - told).max_component().abs() < 1e-4 * told.mean(), "{mean:?} {told:?}");
+    assert!((mean - told).map(f64::abs).max_component() < 1e-4 * told.mean(), "{mean:?} {told:?}");
 
     // Another mix, which the solution makes itself.
     let (lamp, window) = ("desk lamp", "window");
