@@ -348,6 +348,19 @@ class Solution:
         """
         self._inner.write_image(Path(path), floats("picture", picture), exposure)
 
+    def view_data(self, *, max_links: int | None = None, max_field_bytes: int | None = None) -> bytes:
+        """Pack what the viewer draws and tells; ``crates/isolux/src/view.rs`` describes the bytes.
+
+        Parameters
+        ----------
+        max_links
+            Where there are more links, they are left out. None: 4 million.
+        max_field_bytes
+            Where the fields of leaves, 60 bytes for each leaf and light group, take more, they are left out,
+            and the viewer reads values off the mesh. None: 256 MiB.
+        """
+        return self._inner.view_data(max_links, max_field_bytes)
+
     @property
     def exposure(self) -> float:
         """The factor on radiance that shows the scene at middle brightness."""

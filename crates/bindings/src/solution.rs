@@ -10,11 +10,11 @@ use isolux::core::DVec3;
 use isolux::core::units::Rgb;
 use isolux::flat;
 use isolux::formats::write::{self, GlbOptions, Picture, PngOptions, Provenance, Recall, ToneMap};
-use isolux::{Array, Changes, Record, RenderSettings, Solution as FacadeSolution, View};
+use isolux::{Array, Changes, Record, RenderSettings, Solution as FacadeSolution, View, ViewLimits};
 use numpy::PyReadonlyArrayDyn;
 use pyo3::exceptions::{PyIndexError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyBytes, PyDict};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -162,6 +162,22 @@ impl Solution {
         let changes = Changes { weights, reflectance, threads };
         let relit = stoppable(py, move |control| solution.relight_until(&changes, control))?.map_err(to_python)?;
         Ok(Solution { inner: Arc::new(relit) })
+    }
+
+    /// What a viewer draws and tells, as `isolux::Solution::view_data` packs it, with so many links and bytes of fields at most.
+    #[pyo3(signature = (links=None, field_bytes=None))]
+    fn view_data<'py>(
+        &self,
+        py: Python<'py>,
+        links: Option<usize>,
+        field_bytes: Option<usize>,
+    ) -> PyResult<Bound<'py, PyBytes>> {
+        let usual = ViewLimits::default();
+        let limits =
+            ViewLimits { links: links.unwrap_or(usual.links), field_bytes: field_bytes.unwrap_or(usual.field_bytes) };
+        let solution = self.inner.clone();
+        let bytes = interruptible(py, move || solution.view_data(&limits))?;
+        Ok(PyBytes::new(py, &bytes))
     }
 
     /// The exposure that shows the scene at middle brightness.

@@ -14,6 +14,7 @@ mod smooth;
 mod solution;
 mod solve;
 pub mod study;
+mod view;
 mod wavefront;
 
 pub use error::{RecordError, RelightError, RenderError, SettingsError, SolveError};
@@ -34,6 +35,7 @@ pub use isolux_core::solution::{Interpolation, Roots, Update};
 pub use isolux_wavefront::{ClusterColumns, Control, LinkColumns, Meeting, NO_GROUP, PointErrors, Tracer};
 pub use solution::Solution;
 pub use solve::solve;
+pub use view::ViewLimits;
 pub use wavefront::{Columns, Transported};
 
 /// Version of the program, recorded in every result.

@@ -141,7 +141,7 @@ pub(crate) fn check_rays(gather: Option<u32>) -> Result<(), RenderError> {
     }
 }
 
-fn resolve(solution: &Solution, view: &View) -> Result<Camera, RenderError> {
+pub(crate) fn resolve(solution: &Solution, view: &View) -> Result<Camera, RenderError> {
     let cameras = &solution.scene.cameras;
     match view {
         View::Default => Ok(cameras.first().cloned().unwrap_or_else(|| best_view(solution))),

@@ -3,6 +3,7 @@
 
 use crate::RenderError;
 use crate::pace::Pace;
+use crate::relight::Field;
 use isolux_core::DVec3;
 use isolux_core::kernels::Counts;
 use isolux_core::links::{Evaluator, Hierarchy};
@@ -12,7 +13,7 @@ use isolux_core::solution::{
     Flow, Gathered, Light, Observer, Phase, Progress, Shadows, Site, SmoothPlan, SmoothSurfaces, Unobserved, Watch,
     irradiance_at_site,
 };
-use isolux_core::tree::{Bsp, Element, ElementId, Elements};
+use isolux_core::tree::{Bsp, ElementId, Elements};
 use isolux_core::units::Rgb;
 use isolux_wavefront::{FinalGather, Tracer};
 use rayon::prelude::*;
@@ -120,33 +121,75 @@ pub(crate) fn blend(
     tracer: &Tracer,
     elements: &Elements,
     light: &Light,
-    fields: &[[[f32; 3]; 5]],
+    fields: &[Field],
 ) -> Option<SmoothSurfaces> {
+    blend_columns(scene, tracer, elements, light, fields, &[]).map(|(surfaces, _)| surfaces)
+}
+
+/// The same, and irradiance by column and vertex of the mesh, below 0 where a part of the light is: a sum of them is to be cut
+/// off at nothing. `columns`: fields of leaves in ascending order, of parts of the light. What is decided by looking at the
+/// light is decided by all of it.
+pub(crate) fn blend_columns(
+    scene: &Scene,
+    tracer: &Tracer,
+    elements: &Elements,
+    light: &Light,
+    fields: &[Field],
+    columns: &[Vec<Field>],
+) -> Option<(SmoothSurfaces, Vec<Vec<Rgb>>)> {
     let unasked = &mut Unobserved;
     let watch = &mut Watch::new(unasked, Progress::of(Phase::Interpolation));
     let plan = SmoothPlan::new(scene, tracer, elements, watch)?;
     let mut around = vec![Around::default(); plan.vertices()];
-    let mut sums = vec![Rgb::ZERO; plan.vertices()];
-    for (site, leaf) in plan.around() {
-        // What lies under something else is not seen.
-        if light.open_share(leaf) == 0.0 {
-            continue;
-        }
-        let Element { corners, polygon, .. } = elements.get(leaf);
-        let normal = scene.polygons[*polygon as usize].plane.normal;
-        sums[site] += isolux_wavefront::irradiance_in(corners, normal, plan.positions()[site], &fields[leaf.index()]);
+    // What lies under something else is not seen.
+    let is_open = |leaf| light.open_share(leaf) > 0.0;
+    for (site, leaf) in plan.around().filter(|&(_, leaf)| is_open(leaf)) {
         around[site].add(leaf, elements, light);
     }
-    let value = |site: usize| {
-        if around[site].count > 0.0 {
-            return sums[site] / around[site].count;
-        }
-        let Some((side, position)) = on_top(&plan, tracer, elements, site) else { return Rgb::ZERO };
-        let normal = scene.polygons[side as usize].plane.normal;
-        isolux_wavefront::irradiance_at(elements, fields, side, normal, position)
+    let covered = (0..plan.vertices()).filter(|&site| around[site].count == 0.0);
+    let tops: Vec<(usize, ElementId, DVec3)> = covered
+        .filter_map(|site| {
+            let (side, position) = on_top(&plan, tracer, elements, site)?;
+            Some((site, elements.locate(ElementId(side), position), position))
+        })
+        .collect();
+    let normal = |leaf| scene.polygons[elements.get(leaf).polygon as usize].plane.normal;
+    // Light is cut off at nothing, band by band. Parts of it are where all of it is, and nowhere else: so they add up.
+    let in_leaf = |leaf: ElementId, position: DVec3, part: Option<&Field>| {
+        let (corners, normal) = (&elements.get(leaf).corners, normal(leaf));
+        let all = isolux_wavefront::irradiance_in(corners, normal, position, &fields[leaf.index()]);
+        let Some(part) = part else { return all };
+        let part = isolux_wavefront::signed_irradiance_in(corners, normal, position, part);
+        Rgb([0, 1, 2].map(|band| if all[band] > 0.0 { part[band] } else { 0.0 }))
     };
-    let values = (0..plan.vertices()).map(value).collect();
-    uncovered(plan, tracer, elements, values, &around, watch)
+    let mut rows = vec![0; elements.len()];
+    elements.leaves().enumerate().for_each(|(row, leaf)| rows[leaf.index()] = row);
+    let at_sites = |column: Option<&Vec<Field>>| {
+        let part = |leaf: ElementId| column.map(|column| &column[rows[leaf.index()]]);
+        let mut values = vec![Rgb::ZERO; plan.vertices()];
+        for (site, leaf) in plan.around().filter(|&(_, leaf)| is_open(leaf)) {
+            values[site] += in_leaf(leaf, plan.positions()[site], part(leaf));
+        }
+        for (value, around) in values.iter_mut().zip(&around).filter(|(_, around)| around.count > 0.0) {
+            *value = *value / around.count;
+        }
+        for &(site, leaf, position) in &tops {
+            values[site] = in_leaf(leaf, position, part(leaf));
+        }
+        values
+    };
+    let mut values = at_sites(None);
+    let (covered, openness) = shaded(&plan, tracer, elements, &values, &around);
+    plan.uncover(tracer, &covered, &mut values, &openness);
+    let at_column = |column: &Vec<Field>| {
+        let mut values = at_sites(Some(column));
+        plan.uncover(tracer, &covered, &mut values, &openness);
+        values
+    };
+    let columns: Vec<Vec<Rgb>> = columns.par_iter().map(at_column).collect();
+    let (surfaces, blending) = plan.assemble_blending(&values, watch)?;
+    let columns = columns.par_iter().map(|values| blending.irradiance(values)).collect();
+    Some((surfaces, columns))
 }
 
 /// The side that lies on a vertex in its plane, and where. A covered face then shows the light of what covers it: they are in
@@ -187,6 +230,19 @@ fn uncovered(
     around: &[Around],
     watch: &mut Watch<'_>,
 ) -> Option<SmoothSurfaces> {
+    let (covered, openness) = shaded(&plan, tracer, elements, &values, around);
+    plan.uncover(tracer, &covered, &mut values, &openness);
+    plan.assemble(&values, watch)
+}
+
+/// Vertices that are dark since something stands on them, and how open each is, as [`SmoothPlan::uncover`] takes it.
+fn shaded(
+    plan: &SmoothPlan<'_>,
+    tracer: &Tracer,
+    elements: &Elements,
+    values: &[Rgb],
+    around: &[Around],
+) -> (Vec<bool>, Vec<f64>) {
     // Where everything around is as dark nothing is made better by looking.
     let is_dark = |site: usize| values[site].mean() * around[site].count < DARK * around[site].mean;
     let openness: Vec<f64> = (0..values.len()).map(|site| if is_dark(site) { 0.0 } else { 1.0 }).collect();
@@ -195,8 +251,7 @@ fn uncovered(
         .zip(&openness)
         .map(|(site, &open)| open == 0.0 && tracer.is_covered(site.position, elements.get(site.leaf).polygon))
         .collect();
-    plan.uncover(tracer, &covered, &mut values, &openness);
-    plan.assemble(&values, watch)
+    (covered, openness)
 }
 
 /// Vertices at the border of what is open are gathered at by this share of the way to the middles of the leaves around: in

@@ -52,7 +52,10 @@ pub use control::{Bound, Control};
 pub use final_gather::FinalGather;
 pub use groups::{Columns, NO_GROUP};
 pub use ideas::Ideas;
-pub use outcome::{ClusterColumns, LinkColumns, Outcome, irradiance_at, irradiance_in, light_of};
+pub use outcome::{
+    ClusterColumns, LinkColumns, Outcome, irradiance_at, irradiance_in, light_of, mean_factor, mean_irradiance_in,
+    signed_irradiance_in,
+};
 pub use reopen::Remains;
 pub use solve::{Estimate, MEMORY, Prepared, Request, Solved, Stage};
 pub use tracer::{Meeting, Tracer};

@@ -136,7 +136,7 @@ pub fn light_of(scene: &Scene, elements: &Elements, fields: &[Field], open_share
         .par_iter()
         .zip(fields)
         .with_min_len(1024)
-        .map(|(element, field)| Rgb(mean(field, element.corners.len() as u8).map(|value| f64::from(value.max(0.0)))))
+        .map(|(element, field)| mean_irradiance_in(element.corners.len(), field))
         .collect();
     let mut light = Light::emitted(scene, elements, open_shares, Update::InPlace);
     for (index, element) in elements.as_slice().iter().enumerate().rev() {
@@ -161,4 +161,23 @@ pub fn irradiance_at(elements: &Elements, fields: &[Field], polygon: u32, normal
 #[must_use]
 pub fn irradiance_in(corners: &Corners, normal: DVec3, point: DVec3, field: &Field) -> Rgb {
     Rgb(crate::read::within(corners, normal, point, field).map(f64::from))
+}
+
+/// The same before it is cut off at nothing, so that parts of the light add up: W/m² or lm/m², and below 0 where a part of a
+/// field is.
+#[must_use]
+pub fn signed_irradiance_in(corners: &Corners, normal: DVec3, point: DVec3, field: &Field) -> Rgb {
+    Rgb(crate::read::signed_within(corners, normal, point, field))
+}
+
+/// Mean irradiance over a leaf of so many corners, from its field, W/m² or lm/m²; not below 0.
+#[must_use]
+pub fn mean_irradiance_in(count: usize, field: &Field) -> Rgb {
+    Rgb(mean(field, count as u8).map(|value| f64::from(value.max(0.0))))
+}
+
+/// Mean of a link's factors over a receiver of so many corners; of a cluster (0 corners) the one that it has.
+#[must_use]
+pub fn mean_factor(count: usize, factors: &[f32; 5]) -> f32 {
+    if count == 0 { factors[0] } else { crate::field::mean(factors, count as u8) }
 }

@@ -58,6 +58,11 @@ pub(crate) fn within(corners: &[DVec3], normal: DVec3, point: DVec3, field: &Fie
     Place::new(corners, normal, point).value(field)
 }
 
+/// The same before it is cut off at nothing: linear in the field.
+pub(crate) fn signed_within(corners: &[DVec3], normal: DVec3, point: DVec3, field: &Field) -> [f64; 3] {
+    Place::new(corners, normal, point).signed(field)
+}
+
 /// Where a point is in an element.
 #[derive(Clone, Copy, Debug)]
 enum Place {
@@ -126,12 +131,16 @@ impl Place {
     }
 
     fn value(&self, field: &Field) -> Bands {
+        self.signed(field).map(|band| band.max(0.0) as f32)
+    }
+
+    fn signed(&self, field: &Field) -> [f64; 3] {
         let (weights, bulge, count) = self.weights();
         std::array::from_fn(|band| {
             let at = |k: usize| f64::from(field[k][band]);
             let plain: f64 = (0..count).map(|k| weights[k] * at(k)).sum();
             let mean = (0..count).map(at).sum::<f64>() / count as f64;
-            (plain + bulge * (at(MIDDLE) - mean)).max(0.0) as f32
+            plain + bulge * (at(MIDDLE) - mean)
         })
     }
 }

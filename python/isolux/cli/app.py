@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from isolux import __version__
-from isolux.cli import bake, inspect, relight, render, solve, study
+from isolux.cli import bake, inspect, relight, render, solve, study, view
 from isolux.cli.options import GATHER_RAYS
 from isolux.cli.terminal import say
 from isolux.exceptions import (
@@ -50,6 +50,7 @@ app.command()(inspect.inspect)
 app.command()(solve.solve)
 app.command()(bake.bake)
 app.command()(render.render)
+app.command()(view.view)
 app.command()(relight.relight)
 app.command()(study.study)
 

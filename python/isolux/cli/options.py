@@ -105,27 +105,32 @@ def load_scene(path: Path, units: str | None) -> Scene:
 
 
 def check_target(
-    target: Path, source: Path, suffixes: tuple[str, ...] | None, wrong: tuple[str, ...] = ()
+    target: Path,
+    source: Path,
+    suffixes: tuple[str, ...] | None,
+    wrong: tuple[str, ...] = (),
+    option: str = "-o",
 ) -> None:
     """Find out before the work, not after it, that a result could not be written; make the folder it goes to.
 
-    `suffixes` are those that are meant (None: any), `wrong` those that another command writes.
+    `suffixes` are those that are meant (None: any), `wrong` those that another command writes; `option`
+    is what the target was given by.
     """
     suffix = target.suffix.lower()
     if suffixes is not None and suffix not in suffixes:
-        raise _wrong("-o", f"{target} should have a name that ends in {' or '.join(suffixes)}")
+        raise _wrong(option, f"{target} should have a name that ends in {' or '.join(suffixes)}")
     if suffix in wrong:
-        raise _wrong("-o", f"{target} is no solution: isolux bake and isolux render write such files")
+        raise _wrong(option, f"{target} is no solution: isolux bake and isolux render write such files")
     if target.is_dir():
-        raise _wrong("-o", f"{target} is a folder")
+        raise _wrong(option, f"{target} is a folder")
     if target.exists() and source.exists() and target.samefile(source):
-        raise _wrong("-o", f"{target} is the input")
+        raise _wrong(option, f"{target} is the input")
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise _wrong("-o", f"{target} needs a folder that cannot be made: {error.strerror}") from None
+        raise _wrong(option, f"{target} needs a folder that cannot be made: {error.strerror}") from None
     if not os.access(target.parent, os.W_OK | os.X_OK):
-        raise _wrong("-o", f"{target} is in a folder that cannot be written to")
+        raise _wrong(option, f"{target} is in a folder that cannot be written to")
 
 
 def write_json(target: str | None, values: dict[str, Any]) -> bool:

@@ -61,6 +61,14 @@ impl SmoothSurfaces {
         self.mesh
     }
 
+    /// What the mesh is made of: for each cell without children the element that it lies in, its triangles, and whether
+    /// values are bilinear there. A bilinear cell has two triangles, `[a, b, c]` and `[a, c, d]` of its corners a, b, c, d;
+    /// others are linear in each triangle.
+    pub fn cells(&self) -> impl Iterator<Item = (ElementId, Range<u32>, bool)> + '_ {
+        let leaves = self.cells.iter().filter(|cell| cell.first_child == NO_CELL);
+        leaves.map(|cell| (cell.element, cell.triangles.clone(), cell.corners.len() == 4 && !cell.hanging))
+    }
+
     /// Irradiance at a point of a polygon, W/m² or lm/m²: bilinear in the leaf that holds the point (linear in the
     /// triangle, where the leaf is one or neighbours' vertices hang on it).
     #[must_use]
@@ -213,8 +221,8 @@ struct Values<'a> {
 }
 
 impl Values<'_> {
-    fn get(&self, point: u32, group: u32) -> Option<Rgb> {
-        self.index.get(&(point, group)).map(|&site| self.values[site as usize])
+    fn get(&self, point: u32, group: u32) -> Option<(Rgb, Origin)> {
+        self.index.get(&(point, group)).map(|&site| (self.values[site as usize], Origin::Site(site)))
     }
 }
 
@@ -440,8 +448,83 @@ impl<'a> SmoothPlan<'a> {
 
     /// Puts the mesh together. `values`: irradiance by site, at least of the vertices. `None` when the watch says stop.
     pub fn assemble(self, values: &[Rgb], watch: &mut Watch<'_>) -> Option<SmoothSurfaces> {
+        self.assemble_blending(values, watch).map(|(surfaces, _)| surfaces)
+    }
+
+    /// The same, and how to find the values that the mesh has in another light.
+    pub fn assemble_blending(self, values: &[Rgb], watch: &mut Watch<'_>) -> Option<(SmoothSurfaces, Blending)> {
         let SmoothPlan { builder, groups, index, .. } = self;
         builder.assemble(&groups, &Values { index: &index, values }, watch)
+    }
+}
+
+/// How values at the vertices of a mesh follow from those at sites: the same for every light.
+#[derive(Clone, Debug, Default)]
+pub struct Blending {
+    /// By vertex.
+    origins: Vec<Origin>,
+}
+
+impl Blending {
+    /// Irradiance by vertex of the mesh from that by site, W/m² or lm/m².
+    #[must_use]
+    pub fn irradiance(&self, sites: &[Rgb]) -> Vec<Rgb> {
+        let mut values: Vec<Rgb> = Vec::with_capacity(self.origins.len());
+        for origin in &self.origins {
+            values.push(match *origin {
+                Origin::Site(site) => sites[site as usize],
+                Origin::Between([one, other], along) => {
+                    values[one as usize] * (1.0 - along) + values[other as usize] * along
+                }
+                Origin::Mean(corners, count) => {
+                    let known = corners[..count as usize].iter().map(|&corner| values[corner as usize]);
+                    known.sum::<Rgb>() / f64::from(count)
+                }
+                Origin::Dark => Rgb::ZERO,
+            });
+        }
+        values
+    }
+}
+
+/// Where the value of a vertex comes from.
+#[derive(Clone, Copy, Debug)]
+enum Origin {
+    /// A site.
+    Site(u32),
+    /// Two vertices that come before, and how far it is from the first to the second, in `[0, 1]`.
+    Between([u32; 2], f64),
+    /// The mean of so many vertices that come before.
+    Mean([u32; 4], u8),
+    /// Nothing.
+    Dark,
+}
+
+impl Origin {
+    fn mean(corners: &[u32]) -> Origin {
+        let mut of = [0; 4];
+        of[..corners.len()].copy_from_slice(corners);
+        Origin::Mean(of, corners.len() as u8)
+    }
+}
+
+/// A mesh that is being laid out, with the origins of its values.
+#[derive(Default)]
+struct Layout {
+    mesh: SurfaceMesh,
+    origins: Vec<Origin>,
+}
+
+impl Layout {
+    fn push(&mut self, position: DVec3, value: Rgb, origin: Origin) -> u32 {
+        self.mesh.positions.push(position);
+        self.mesh.irradiance.push(value);
+        self.origins.push(origin);
+        self.origins.len() as u32 - 1
+    }
+
+    fn value(&self, vertex: u32) -> Rgb {
+        self.mesh.irradiance[vertex as usize]
     }
 }
 
@@ -618,16 +701,22 @@ impl<'a> Builder<'a> {
     }
 
     /// Puts the mesh together: vertices and triangles polygon by polygon.
-    fn assemble(mut self, groups: &[u32], values: &Values<'_>, watch: &mut Watch<'_>) -> Option<SmoothSurfaces> {
-        let mut mesh = SurfaceMesh::default();
+    fn assemble(
+        mut self,
+        groups: &[u32],
+        values: &Values<'_>,
+        watch: &mut Watch<'_>,
+    ) -> Option<(SmoothSurfaces, Blending)> {
+        let mut layout = Layout::default();
         for polygon in 0..self.scene.polygons.len() as u32 {
-            mesh.vertex_start.push(mesh.positions.len() as u32);
-            mesh.triangle_start.push(mesh.triangles.len() as u32);
+            layout.mesh.vertex_start.push(layout.mesh.positions.len() as u32);
+            layout.mesh.triangle_start.push(layout.mesh.triangles.len() as u32);
             let mut sheet = Sheet { group: groups[polygon as usize], vertices: FxHashMap::default() };
             for root in self.roots_of[polygon as usize].clone() {
-                self.lay_out(root, &mut sheet, values, &mut mesh, watch)?;
+                self.lay_out(root, &mut sheet, values, &mut layout, watch)?;
             }
         }
+        let Layout { mut mesh, origins } = layout;
         mesh.vertex_start.push(mesh.positions.len() as u32);
         mesh.triangle_start.push(mesh.triangles.len() as u32);
         mesh.radiosity = vec![Rgb::ZERO; mesh.positions.len()];
@@ -636,7 +725,7 @@ impl<'a> Builder<'a> {
                 mesh.radiosity[vertex] = polygon.emission + polygon.reflectance * mesh.irradiance[vertex];
             }
         }
-        Some(SmoothSurfaces { mesh, cells: self.cells, roots_of: self.roots_of })
+        Some((SmoothSurfaces { mesh, cells: self.cells, roots_of: self.roots_of }, Blending { origins }))
     }
 
     /// Vertices first, corners before what the restriction added inside; then the children, or the triangles. `None` when
@@ -646,7 +735,7 @@ impl<'a> Builder<'a> {
         at: u32,
         sheet: &mut Sheet,
         values: &Values<'_>,
-        mesh: &mut SurfaceMesh,
+        layout: &mut Layout,
         watch: &mut Watch<'_>,
     ) -> Option<()> {
         if watch.step(CELL_WORK, 0.0) == Flow::Stop {
@@ -659,49 +748,47 @@ impl<'a> Builder<'a> {
             if element_is_leaf {
                 // A leaf that the restriction split: what lies on its outline has values of its own or lies between
                 // two corners; its centre is the mean of its corners.
-                let corners: Vec<u32> = self.corner_vertices(&outline, sheet, values, mesh);
+                let corners: Vec<u32> = self.corner_vertices(&outline, sheet, values, layout);
                 let count = corners.len();
                 for k in 0..count {
                     let (from, to) = (cell.corners[k], cell.corners[(k + 1) % count]);
-                    let between = (mesh.irradiance[corners[k] as usize]
-                        + mesh.irradiance[corners[(k + 1) % count] as usize])
-                        * 0.5;
+                    let ends = [corners[k], corners[(k + 1) % count]];
+                    let between = (layout.value(ends[0]) + layout.value(ends[1])) * 0.5;
                     let point = self.points[&key(middle(from, to))];
-                    sheet.vertex(point, middle(from, to), values, Some(between), mesh);
+                    let fallback = Some((between, Origin::Between(ends, 0.5)));
+                    sheet.vertex(point, middle(from, to), values, fallback, layout);
                 }
                 if count == 4 {
                     let centre =
                         middle(middle(cell.corners[0], cell.corners[2]), middle(cell.corners[1], cell.corners[3]));
-                    let mean = corners.iter().map(|&corner| mesh.irradiance[corner as usize]).sum::<Rgb>() * 0.25;
-                    sheet.vertex(self.points[&key(centre)], centre, values, Some(mean), mesh);
+                    let mean = corners.iter().map(|&corner| layout.value(corner)).sum::<Rgb>() * 0.25;
+                    let fallback = Some((mean, Origin::mean(&corners)));
+                    sheet.vertex(self.points[&key(centre)], centre, values, fallback, layout);
                 }
             }
             for child in cell.first_child..cell.first_child + 4 {
-                self.lay_out(child, sheet, values, mesh, watch)?;
+                self.lay_out(child, sheet, values, layout, watch)?;
             }
             return Some(());
         }
-        let corners = self.corner_vertices(&outline, sheet, values, mesh);
-        let first = mesh.triangles.len() as u32;
+        let corners = self.corner_vertices(&outline, sheet, values, layout);
+        let first = layout.mesh.triangles.len() as u32;
         let hanging = outline.len() > corners.len();
         if !hanging {
-            mesh.triangles.push([corners[0], corners[1], corners[2]]);
+            layout.mesh.triangles.push([corners[0], corners[1], corners[2]]);
             if let [a, _, c, d] = corners[..] {
-                mesh.triangles.push([a, c, d]);
+                layout.mesh.triangles.push([a, c, d]);
             }
         } else {
-            let centre = mesh.positions.len() as u32;
-            mesh.positions.push(cell.corners.mean());
-            let mean =
-                corners.iter().map(|&corner| mesh.irradiance[corner as usize]).sum::<Rgb>() / corners.len() as f64;
-            mesh.irradiance.push(mean);
-            let ring = self.ring(&outline, sheet, values, mesh);
+            let mean = corners.iter().map(|&corner| layout.value(corner)).sum::<Rgb>() / corners.len() as f64;
+            let centre = layout.push(cell.corners.mean(), mean, Origin::mean(&corners));
+            let ring = self.ring(&outline, sheet, values, layout);
             for k in 0..ring.len() {
-                mesh.triangles.push([centre, ring[k], ring[(k + 1) % ring.len()]]);
+                layout.mesh.triangles.push([centre, ring[k], ring[(k + 1) % ring.len()]]);
             }
         }
         let cell = &mut self.cells[at as usize];
-        cell.triangles = first..mesh.triangles.len() as u32;
+        cell.triangles = first..layout.mesh.triangles.len() as u32;
         cell.hanging = hanging;
         for (slot, corner) in cell.vertices.iter_mut().zip(corners) {
             *slot = corner;
@@ -714,10 +801,10 @@ impl<'a> Builder<'a> {
         outline: &[(u32, DVec3, bool)],
         sheet: &mut Sheet,
         values: &Values<'_>,
-        mesh: &mut SurfaceMesh,
+        layout: &mut Layout,
     ) -> Vec<u32> {
         let corners = outline.iter().filter(|(.., is_corner)| *is_corner);
-        corners.map(|&(point, position, _)| sheet.vertex(point, position, values, None, mesh)).collect()
+        corners.map(|&(point, position, _)| sheet.vertex(point, position, values, None, layout)).collect()
     }
 
     /// All vertices of an outline. One that hangs there for a neighbour in another plane only lies between its
@@ -727,7 +814,7 @@ impl<'a> Builder<'a> {
         outline: &[(u32, DVec3, bool)],
         sheet: &mut Sheet,
         values: &Values<'_>,
-        mesh: &mut SurfaceMesh,
+        layout: &mut Layout,
     ) -> Vec<u32> {
         let count = outline.len();
         let corner_at = |mut k: usize, step: usize| {
@@ -742,10 +829,11 @@ impl<'a> Builder<'a> {
                 let (from, to) = (corner_at(k, count - 1), corner_at(k, 1));
                 let fallback = (!is_corner).then(|| {
                     let along = position.distance(from.1) / to.1.distance(from.1);
-                    let [a, b] = [from.0, to.0].map(|corner| mesh.irradiance[sheet.vertices[&corner] as usize]);
-                    a * (1.0 - along) + b * along
+                    let ends = [from.0, to.0].map(|corner| sheet.vertices[&corner]);
+                    let [a, b] = ends.map(|end| layout.value(end));
+                    (a * (1.0 - along) + b * along, Origin::Between(ends, along))
                 });
-                sheet.vertex(point, position, values, fallback, mesh)
+                sheet.vertex(point, position, values, fallback, layout)
             })
             .collect()
     }
@@ -764,14 +852,12 @@ impl Sheet {
         point: u32,
         position: DVec3,
         values: &Values<'_>,
-        fallback: Option<Rgb>,
-        mesh: &mut SurfaceMesh,
+        fallback: Option<(Rgb, Origin)>,
+        layout: &mut Layout,
     ) -> u32 {
         *self.vertices.entry(point).or_insert_with(|| {
-            let value = values.get(point, self.group).or(fallback).unwrap_or(Rgb::ZERO);
-            mesh.positions.push(position);
-            mesh.irradiance.push(value);
-            mesh.positions.len() as u32 - 1
+            let (value, origin) = values.get(point, self.group).or(fallback).unwrap_or((Rgb::ZERO, Origin::Dark));
+            layout.push(position, value, origin)
         })
     }
 }
