@@ -99,6 +99,8 @@ struct Attributes {
     objects: Vec<String>,
     materials: Vec<Material>,
     cameras: Vec<Camera>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    lamps: Vec<Lamp>,
     images: Vec<ImageHeader>,
     masks: Vec<MaskHeader>,
     report: Report,
@@ -171,6 +173,7 @@ pub(crate) fn write(solution: &Solution, columns: Option<&Columns>) -> Record {
         objects: scene.objects.iter().map(|object| object.name.clone()).collect(),
         materials: scene.materials.clone(),
         cameras: scene.cameras.clone(),
+        lamps: scene.lamps.clone(),
         images: scene
             .images
             .iter()
@@ -512,7 +515,7 @@ fn read_linked(part: Part, shelf: &mut Shelf) -> Result<Solution, RecordError> {
 
 fn read_scene(attributes: Attributes, shelf: &mut Shelf) -> Result<(Scene, Vec<bool>), RecordError> {
     let Attributes { name, scene_hash, unit, fronts, joined, diameter, objects, materials, .. } = attributes;
-    let Attributes { cameras, images, masks, report, .. } = attributes;
+    let Attributes { cameras, lamps, images, masks, report, .. } = attributes;
     if report.unit != unit {
         return Err(inconsistent("attributes/unit", format!("{}, but the report has another", unit.power())));
     }
@@ -611,6 +614,7 @@ fn read_scene(attributes: Attributes, shelf: &mut Shelf) -> Result<(Scene, Vec<b
         images,
         masks,
         cameras,
+        lamps,
         triangles,
         face_polygon,
         issues: report.issues,
