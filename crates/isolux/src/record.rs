@@ -4,7 +4,9 @@ use crate::wavefront::{Columns, TransportViolation, Transported};
 use crate::{RecordError, Report, Schedule, Solution, Status, flat};
 use isolux_core::kernels::visibility::Sight;
 use isolux_core::links::{Hierarchy, Link, Links};
-use isolux_core::scene::{AlphaMask, Camera, Corners, Image, Material, Object, Plane, Polygon, Scene, Side, Wrap};
+use isolux_core::scene::{
+    AlphaMask, Camera, Corners, Image, Lamp, Material, Object, Plane, Polygon, Scene, Side, Wrap,
+};
 use isolux_core::solution::{Light, Phase, Progress, SmoothPlan, Unobserved, Watch};
 use isolux_core::tree::{Bsp, Element, ElementId, Elements, Path};
 use isolux_core::units::{Rgb, Unit};
@@ -473,10 +475,10 @@ fn read_columns(
     scene: &Scene,
     shelf: &mut Shelf,
 ) -> Result<Columns, RecordError> {
-    let polygons = scene.polygons.len();
+    let emitters = scene.polygons.len() + scene.lamps.len();
     let leaves = elements.leaves().count();
-    let of = shelf.indices("groups/of", polygons, names.len())?;
-    let emission = shelf.rgb("groups/emission", polygons)?;
+    let of = shelf.indices("groups/of", emitters, names.len())?;
+    let emission = shelf.rgb("groups/emission", emitters)?;
     let values = shelf.f32("groups/field", &[leaves, 5, 3])?;
     let fields: Vec<[[f32; 3]; 5]> = values.as_chunks().0.as_chunks().0.to_vec();
     same_length("groups/field", fields.len(), names.len() * leaves)?;

@@ -3,7 +3,8 @@
 
 use crate::contacts::{is_covered, is_on_line};
 use crate::geometry::{Element, Geometry, NONE};
-use crate::light::{Bands, Light};
+use crate::lamps::at_place;
+use crate::light::{Bands, Light, rms};
 use crate::rays::{Packet, RAYS, even_point_of};
 use crate::read::quadrant;
 use crate::rounds::Transport;
@@ -29,7 +30,8 @@ const SIDES: (f64, f64) = (8.0, 32.0);
 /// Rays to emitters of a batch, per direction.
 const TO_LIGHTS: f64 = 0.5;
 
-/// What rays found, over all surfaces or over their darker half; relative to the mean irradiance there.
+/// What rays found, over all surfaces or over their darker half; relative to the mean irradiance there. What leaves know of
+/// themselves that their fields of lamps' light miss is not in it over all surfaces, as all leaves together tell it better.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Found {
     /// RMS over surfaces and bands of what the solution's irradiance lacks against what its own radiosities throw there.
@@ -60,7 +62,13 @@ struct Point {
     place: Vec3,
     found: [Bands; 2],
     solved: Bands,
+    /// Square of what its leaf knows to miss of lamps' direct light.
+    known: f64,
 }
+
+/// Times that a point's lack of lamps' direct light may be what its leaf misses, RMS, as the leaf knows: a shadow's edge that one
+/// of 64 places tells of is eight times that off there. Beyond, the leaf is wrong about itself.
+const KNOWN: f32 = 8.0;
 
 /// Points of a region: that many tell what it lacks on average.
 const REGION: f64 = 16.0;
@@ -162,7 +170,8 @@ impl Choice<'_> {
 pub(crate) fn check(transport: &Transport, light: &Light, error: f64, seed: u64, points: Option<usize>) -> Check {
     let (geometry, elements) = (&*transport.geometry, &transport.elements[..]);
     let side = (SIDE_PER_ERROR / error).clamp(SIDES.0, SIDES.1) as usize;
-    let to_lights = (TO_LIGHTS * (side * side) as f64) as usize;
+    let emits = geometry.surfaces.iter().any(|surface| surface.emission != [0.0; 3]);
+    let to_lights = if emits { (TO_LIGHTS * (side * side) as f64) as usize } else { 0 };
     let fronts = geometry.scene.fronts;
     let emitters = Emitters::new(geometry, elements, to_lights as f32 / (side * side) as f32);
     let mut before = Vec::with_capacity(fronts + 1);
@@ -195,16 +204,18 @@ pub(crate) fn check(transport: &Transport, light: &Light, error: f64, seed: u64,
                 (0..3).for_each(|band| sum[band] += direct[band]);
                 sum
             };
+            let (lit, known) = of_lamps(point, polygon as u32, transport, light);
             let found = [gather(&mut stream), gather(&mut stream)];
+            let found = found.map(|found| std::array::from_fn(|band| found[band] + lit[band]));
             let solved = crate::read::field_at(geometry, elements, light, polygon as u32, point);
-            Some(Point { polygon: polygon as u32, place: point, found, solved })
+            Some(Point { polygon: polygon as u32, place: point, found, solved, known })
         })
         .collect();
     let errors = errors(&points, area, transport, light);
     let brightness = |point: &Point| point.solved.iter().sum::<f32>() / 3.0;
     let mut order: Vec<usize> = (0..points.len()).collect();
     order.sort_by(|&a, &b| brightness(&points[a]).total_cmp(&brightness(&points[b])));
-    let measure = |indices: &[usize]| {
+    let measure = |indices: &[usize], with_known: bool| {
         let count = indices.len().max(1) as f64;
         let mean = indices.iter().map(|&index| f64::from(brightness(&points[index]))).sum::<f64>() / count;
         // Where nothing arrives, nothing can lack a share of it.
@@ -212,7 +223,9 @@ pub(crate) fn check(transport: &Transport, light: &Light, error: f64, seed: u64,
         let squares = |values: &dyn Fn(usize) -> [Bands; 2]| -> (f64, f64) {
             let square = |&index: &usize| {
                 let [one, other] = values(index);
-                (0..3).map(|band| f64::from(one[band]) * f64::from(other[band])).sum::<f64>() / (3.0 * scale * scale)
+                let known = if with_known { points[index].known } else { 0.0 };
+                let sum: f64 = (0..3).map(|band| f64::from(one[band]) * f64::from(other[band])).sum();
+                (sum / 3.0 + known) / (scale * scale)
             };
             let squares: Vec<f64> = indices.iter().map(square).collect();
             let mean = squares.iter().sum::<f64>() / count;
@@ -223,8 +236,8 @@ pub(crate) fn check(transport: &Transport, light: &Light, error: f64, seed: u64,
         let (error, square_error) = squares(&|index| errors[index]);
         (Found { lack, error, square_error }, mean)
     };
-    let (all, mean) = measure(&order);
-    let (dark, dark_mean) = measure(&order[..order.len() / 2]);
+    let (all, mean) = measure(&order, false);
+    let (dark, dark_mean) = measure(&order[..order.len() / 2], true);
     Check {
         all,
         dark,
@@ -232,6 +245,23 @@ pub(crate) fn check(transport: &Transport, light: &Light, error: f64, seed: u64,
         points: count,
         rays: (points.len() * 2 * (side * side + to_lights)) as u64,
     }
+}
+
+/// What lamps throw on a point, by shadow rays, and the square of what its leaf knows to miss of it. Where that explains what
+/// is lacking there, the leaf's own value stands for the rays': few points fall on edges of shadows, and would weigh much.
+fn of_lamps(point: Vec3, polygon: u32, transport: &Transport, light: &Light) -> (Bands, f64) {
+    if light.lit.is_empty() {
+        return ([0.0; 3], 0.0);
+    }
+    let geometry = &*transport.geometry;
+    let leaf = node_at(polygon, point, 0.0, transport) as usize;
+    let (found, missed) = (at_place(point, polygon, geometry), light.lit_error[leaf]);
+    let corners =
+        &transport.elements[leaf].corners.map(|corner| corner.as_dvec3())[..transport.elements[leaf].count.into()];
+    let normal = geometry.surfaces[polygon as usize].normal.as_dvec3();
+    let own = crate::read::within(corners, normal, point.as_dvec3(), &light.lit[leaf]);
+    let lacks = rms(std::array::from_fn(|band| found[band] - own[band]));
+    (if lacks * lacks <= KNOWN * KNOWN * missed { own } else { found }, f64::from(missed))
 }
 
 impl Point {

@@ -19,7 +19,7 @@ pub(crate) fn field_at(geometry: &Geometry, elements: &[Element], light: &Light,
     place.value(&light.field[index])
 }
 
-/// Irradiance of a node at its samples, by the leaves below it.
+/// Irradiance of a node at its samples, by the leaves below it, without what lamps throw there.
 pub(crate) fn samples(elements: &[Element], light: &Light, node: usize) -> Field {
     let count = elements[node].count as usize;
     let inner = f64::from(INNER);
@@ -36,7 +36,7 @@ pub(crate) fn samples(elements: &[Element], light: &Light, node: usize) -> Field
         while elements[index].first_child != NONE {
             index = elements[index].first_child as usize + place.descend();
         }
-        place.value(&light.field[index])
+        place.value(&light.without_lamps(index))
     })
 }
 

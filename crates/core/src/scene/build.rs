@@ -1,8 +1,8 @@
 //! Validation of a scene's input: everything that a file may get wrong is found or mended here, and said.
 
 use super::{
-    Alpha, Corners, Face, Issue, IssueKind, Lamp, LampShape, Material, Object, Plane, Polygon, RELATIVE_TOLERANCE, Scene, SceneError,
-    SceneInput, Severity, Side, Surface,
+    Alpha, Corners, Face, Issue, IssueKind, Lamp, LampShape, Material, Object, Plane, Polygon, RELATIVE_TOLERANCE,
+    Scene, SceneError, SceneInput, Severity, Side, Surface,
 };
 use crate::tree::Path;
 use crate::units::Rgb;
@@ -36,7 +36,8 @@ pub(super) fn build(input: SceneInput, options: &BuildOptions) -> Result<Scene, 
     if !(scale.is_finite() && scale > 0.0) {
         return Err(SceneError::Unit { metres_per_unit: scale });
     }
-    let SceneInput { name, unit, mut objects, faces, mut materials, images, masks, mut cameras, lamps, issues, .. } = input;
+    let SceneInput { name, unit, mut objects, faces, mut materials, images, masks, mut cameras, lamps, issues, .. } =
+        input;
     let mut notes = Notes { issues, groups: BTreeMap::new() };
     make_unique(objects.iter_mut().map(|object| &mut object.name), "object");
     make_unique(materials.iter_mut().map(|material| &mut material.name), "material");
@@ -177,7 +178,8 @@ fn admit_lamps(mut lamps: Vec<Lamp>, scale: f64, notes: &mut Notes) -> Result<Ve
             }
             LampShape::Web(web) => {
                 let ascends = |list: &[f64], most: f64| {
-                    list.iter().all(|angle| (0.0..=most).contains(angle)) && list.windows(2).all(|pair| pair[0] < pair[1])
+                    list.iter().all(|angle| (0.0..=most).contains(angle))
+                        && list.windows(2).all(|pair| pair[0] < pair[1])
                 };
                 let is_whole = web.polar.len() > 1
                     && !web.around.is_empty()

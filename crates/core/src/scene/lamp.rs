@@ -245,10 +245,7 @@ mod tests {
     #[test]
     fn what_is_thrown_falls_by_the_square_and_stays_in_the_cone() {
         let point = lamp(LampShape::Point).thrown_on(DVec3::new(1.0, 0.0, 3.0)).unwrap();
-        assert_eq!(
-            (point.towards, point.distance, point.facing),
-            (DVec3::Y, 2.0, Rgb([25.0, 12.5, 0.0]))
-        );
+        assert_eq!((point.towards, point.distance, point.facing), (DVec3::Y, 2.0, Rgb([25.0, 12.5, 0.0])));
         let spot = lamp(LampShape::Spot { inner: 0.2, outer: 0.5 });
         assert!(spot.thrown_on(DVec3::new(1.0, 5.0, 3.0)).is_none());
         assert!(spot.thrown_on(DVec3::new(1.0 + 2.0 * 0.51_f64.tan(), 0.0, 3.0)).is_none());

@@ -3,8 +3,8 @@
 
 use super::container::Document;
 use crate::read::error::{ReadError, brief, clean};
-use crate::read::{LightUnits, issue};
 use crate::read::names::Names;
+use crate::read::{LightUnits, issue};
 use glam::{DMat3, DMat4, DQuat, DVec3};
 use gltf::json::extensions::scene::khr_lights_punctual::{Light, Type};
 use gltf::json::validation::Checked;
@@ -181,7 +181,8 @@ impl Walk {
         // A lamp shines along -z; scale has no meaning for it.
         let forward = (-world.z_axis.truncate()).try_normalize();
         let (Some(shape), Some(forward)) = (shape, forward) else {
-            let message = "the light is ignored: its type is none of directional, point and spot, or it has no direction";
+            let message =
+                "the light is ignored: its type is none of directional, point and spot, or it has no direction";
             self.issues.push(issue(Severity::Warning, IssueKind::Ignored, &name, message));
             return Ok(());
         };
