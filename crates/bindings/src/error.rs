@@ -62,6 +62,7 @@ impl PythonError for CoreSceneError {
             | CoreSceneError::OutOfRange { .. }
             | CoreSceneError::MaterialNotFinite { .. }
             | CoreSceneError::MaskSize { .. }
+            | CoreSceneError::Lamp { .. }
             | CoreSceneError::Unit { .. }
             | CoreSceneError::TooLarge { .. } => SceneError::new_err(message),
         }
@@ -225,6 +226,7 @@ pub(crate) fn error_samples(py: Python<'_>) -> PyResult<Bound<'_, PyList>> {
             "SceneError::MaskSize",
             CoreSceneError::MaskSize { material: "leaf".into(), mask: 0, width: 2, height: 2, texels: 3 }.exception(),
         ),
+        ("SceneError::Lamp", CoreSceneError::Lamp { lamp: "sun".into(), what: "it has no direction" }.exception()),
         ("SceneError::Unit", CoreSceneError::Unit { metres_per_unit: -1.0 }.exception()),
         ("SceneError::TooLarge", CoreSceneError::TooLarge { count: 20, limit: 10 }.exception()),
         ("SceneViolation", SceneViolation { polygon: 7, what: "unit normal" }.exception()),

@@ -133,7 +133,7 @@ impl Solution {
         Ok(Solution { inner: Arc::new(inner) })
     }
 
-    /// The light groups: name, one-sided polygons, area, emitted power and weight per band.
+    /// The light groups: name, one-sided polygons, area, emitted power per band, lamps, weight per band.
     #[getter]
     fn light_groups(&self) -> Vec<GroupTuple> {
         let relit = self.inner.report().relit.as_ref();
@@ -145,7 +145,7 @@ impl Solution {
         );
         let weight = |row: usize| weights.get(row).map_or([1.0; 3], |entry| entry.weight.0);
         let tuple = |(row, group): (usize, isolux::LightGroup)| {
-            (group.name, group.polygons, group.area, group.power.0.into(), weight(row).into())
+            (group.name, group.polygons, group.area, group.power.0.into(), group.lamps, weight(row).into())
         };
         groups.into_iter().enumerate().map(tuple).collect()
     }

@@ -26,6 +26,16 @@ pub enum SettingsError {
         /// The schedule that has it.
         schedule: &'static str,
     },
+    /// The scene has lamps without a surface, which this schedule does not know.
+    #[error(
+        "setting 'schedule' is {schedule}: lamp '{lamp}' has no surface, which only schedule 'wavefront' can solve"
+    )]
+    Lamps {
+        /// Name of the first such lamp.
+        lamp: String,
+        /// The schedule.
+        schedule: &'static str,
+    },
 }
 
 impl SettingsError {
@@ -34,6 +44,7 @@ impl SettingsError {
     pub fn name(&self) -> &'static str {
         match self {
             SettingsError::Value { name, .. } | SettingsError::Schedule { name, .. } => name,
+            SettingsError::Lamps { .. } => "schedule",
         }
     }
 }
@@ -47,8 +58,8 @@ pub enum SolveError {
     /// The scene cannot be solved.
     #[error(transparent)]
     Scene(#[from] SceneError),
-    /// No surface emits: the answer would be black everywhere.
-    #[error("scene '{scene}' has no light: no surface emits")]
+    /// Nothing emits: the answer would be black everywhere.
+    #[error("scene '{scene}' has no light: no surface emits, and there is no lamp")]
     NoLight {
         /// Name of the scene.
         scene: String,

@@ -1,6 +1,7 @@
-//! Light groups: a scene comes in, the emitting polygons come out as named sets, as lighting people dim them.
+//! Light groups: a scene comes in, what emits in it, polygons and lamps, comes out as named sets, as lighting people dim
+//! them.
 
-use isolux_core::scene::Scene;
+use isolux_core::scene::{Lamp, Scene};
 use isolux_core::units::Rgb;
 use isolux_wavefront::NO_GROUP;
 use serde::{Deserialize, Serialize};
@@ -17,15 +18,15 @@ pub const ALL: &str = "all lights";
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum GroupedBy {
-    /// One group for each name of an emitting object.
+    /// One group for each name of an emitting object or a lamp.
     Object,
-    /// One for each emitting material: more than [`MOST_GROUPS`] objects emit.
+    /// One for each emitting material, and each name of a lamp: more than [`MOST_GROUPS`] objects and lamps emit.
     Material,
-    /// One for everything: more than that many materials emit, too.
+    /// One for everything: there are more than that many materials and lamps, too.
     All,
 }
 
-/// A set of emitting polygons.
+/// A set of emitting polygons and lamps.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LightGroup {
     /// Its name, unique within a scene.
@@ -34,8 +35,11 @@ pub struct LightGroup {
     pub polygons: u64,
     /// Their area, m².
     pub area: f64,
-    /// Emitted power per band, W or lm.
+    /// Emitted power per band, W or lm; of parallel light, which has no end, nothing is counted.
     pub power: Rgb,
+    /// Lamps without a surface.
+    #[serde(default)]
+    pub lamps: u64,
 }
 
 /// The light groups of a scene.
@@ -43,42 +47,58 @@ pub struct LightGroup {
 pub struct LightGroups {
     /// What they are made of.
     pub by: GroupedBy,
-    /// The groups, in the order in which their first polygons come.
+    /// The groups, in the order in which their first polygons come, then their first lamps.
     pub groups: Vec<LightGroup>,
-    /// By polygon: its row of `groups`, or [`NO_GROUP`] where it emits nothing.
+    /// By polygon, then by lamp: its row of `groups`, or [`NO_GROUP`] where it emits nothing.
     pub of: Vec<u32>,
 }
 
-/// Groups what emits in `scene`: by the names of objects, where these are too many by materials, where these are too many,
-/// too, all in one.
+/// Groups what emits in `scene`: by the names of objects and lamps (a lamp and an object of one name are dimmed together),
+/// where these are too many by materials and names of lamps, where these are too many, too, all in one.
 #[must_use]
 pub fn light_groups(scene: &Scene) -> LightGroups {
-    let by_object = grouped(scene, |polygon| scene.object_name(polygon));
+    let by_object = grouped(scene, |polygon| scene.object_name(polygon), |lamp| &lamp.name);
     if by_object.groups.len() <= MOST_GROUPS {
         return LightGroups { by: GroupedBy::Object, ..by_object };
     }
     let material = |polygon: u32| scene.materials[scene.polygons[polygon as usize].material as usize].name.as_str();
-    let by_material = grouped(scene, material);
+    let by_material = grouped(scene, material, |lamp| &lamp.name);
     if by_material.groups.len() <= MOST_GROUPS {
         return LightGroups { by: GroupedBy::Material, ..by_material };
     }
-    grouped(scene, |_| ALL)
+    grouped(scene, |_| ALL, |_| ALL)
 }
 
-fn grouped<'a>(scene: &Scene, name_of: impl Fn(u32) -> &'a str) -> LightGroups {
-    let mut rows: HashMap<&str, u32> = HashMap::new();
-    let mut found = LightGroups { by: GroupedBy::All, groups: Vec::new(), of: vec![NO_GROUP; scene.polygons.len()] };
-    for (index, polygon) in scene.polygons.iter().enumerate().filter(|(_, polygon)| polygon.emission != Rgb::ZERO) {
-        let name = name_of(index as u32);
-        let row = *rows.entry(name).or_insert(found.groups.len() as u32);
-        if row as usize == found.groups.len() {
-            found.groups.push(LightGroup { name: name.to_owned(), polygons: 0, area: 0.0, power: Rgb::ZERO });
+/// Groups by names of polygons and of lamps.
+fn grouped<'a>(
+    scene: &'a Scene,
+    name_of: impl Fn(u32) -> &'a str,
+    name_of_lamp: impl Fn(&'a Lamp) -> &'a str,
+) -> LightGroups {
+    let mut rows: HashMap<&'a str, u32> = HashMap::new();
+    let of = vec![NO_GROUP; scene.polygons.len() + scene.lamps.len()];
+    let mut found = LightGroups { by: GroupedBy::All, groups: Vec::new(), of };
+    let mut row_of = |name: &'a str, groups: &mut Vec<LightGroup>| {
+        let row = *rows.entry(name).or_insert(groups.len() as u32);
+        if row as usize == groups.len() {
+            groups.push(LightGroup { name: name.to_owned(), polygons: 0, area: 0.0, power: Rgb::ZERO, lamps: 0 });
         }
+        row
+    };
+    for (index, polygon) in scene.polygons.iter().enumerate().filter(|(_, polygon)| polygon.emission != Rgb::ZERO) {
+        let row = row_of(name_of(index as u32), &mut found.groups);
         let group = &mut found.groups[row as usize];
         group.polygons += 1;
         group.area += polygon.area;
         group.power += polygon.emission * polygon.area;
         found.of[index] = row;
+    }
+    for (index, lamp) in scene.lamps.iter().enumerate() {
+        let row = row_of(name_of_lamp(lamp), &mut found.groups);
+        let group = &mut found.groups[row as usize];
+        group.lamps += 1;
+        group.power += lamp.power().unwrap_or(Rgb::ZERO);
+        found.of[scene.polygons.len() + index] = row;
     }
     found
 }

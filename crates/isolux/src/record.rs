@@ -4,7 +4,9 @@ use crate::wavefront::{Columns, TransportViolation, Transported};
 use crate::{RecordError, Report, Schedule, Solution, Status, flat};
 use isolux_core::kernels::visibility::Sight;
 use isolux_core::links::{Hierarchy, Link, Links};
-use isolux_core::scene::{AlphaMask, Camera, Corners, Image, Material, Object, Plane, Polygon, Scene, Side, Wrap};
+use isolux_core::scene::{
+    AlphaMask, Camera, Corners, Image, Lamp, Material, Object, Plane, Polygon, Scene, Side, Wrap,
+};
 use isolux_core::solution::{Light, Phase, Progress, SmoothPlan, Unobserved, Watch};
 use isolux_core::tree::{Bsp, Element, ElementId, Elements, Path};
 use isolux_core::units::{Rgb, Unit};
@@ -99,6 +101,8 @@ struct Attributes {
     objects: Vec<String>,
     materials: Vec<Material>,
     cameras: Vec<Camera>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    lamps: Vec<Lamp>,
     images: Vec<ImageHeader>,
     masks: Vec<MaskHeader>,
     report: Report,
@@ -174,6 +178,7 @@ pub(crate) fn write(solution: &Solution, columns: Option<&Columns>) -> Record {
         objects: scene.objects.iter().map(|object| object.name.clone()).collect(),
         materials: scene.materials.clone(),
         cameras: scene.cameras.clone(),
+        lamps: scene.lamps.clone(),
         images: scene
             .images
             .iter()
@@ -484,10 +489,10 @@ fn read_columns(
     scene: &Scene,
     shelf: &mut Shelf,
 ) -> Result<Columns, RecordError> {
-    let polygons = scene.polygons.len();
+    let emitters = scene.polygons.len() + scene.lamps.len();
     let leaves = elements.leaves().count();
-    let of = shelf.indices("groups/of", polygons, names.len())?;
-    let emission = shelf.rgb("groups/emission", polygons)?;
+    let of = shelf.indices("groups/of", emitters, names.len())?;
+    let emission = shelf.rgb("groups/emission", emitters)?;
     let values = shelf.f32("groups/field", &[leaves, 5, 3])?;
     let fields: Vec<[[f32; 3]; 5]> = values.as_chunks().0.as_chunks().0.to_vec();
     same_length("groups/field", fields.len(), names.len() * leaves)?;
@@ -543,7 +548,7 @@ fn read_linked(part: Part, shelf: &mut Shelf) -> Result<Solution, RecordError> {
 
 fn read_scene(attributes: Attributes, shelf: &mut Shelf) -> Result<(Scene, Vec<bool>), RecordError> {
     let Attributes { name, scene_hash, unit, fronts, joined, diameter, objects, materials, .. } = attributes;
-    let Attributes { cameras, images, masks, report, .. } = attributes;
+    let Attributes { cameras, lamps, images, masks, report, .. } = attributes;
     if report.unit != unit {
         return Err(inconsistent("attributes/unit", format!("{}, but the report has another", unit.power())));
     }
@@ -642,6 +647,7 @@ fn read_scene(attributes: Attributes, shelf: &mut Shelf) -> Result<(Scene, Vec<b
         images,
         masks,
         cameras,
+        lamps,
         triangles,
         face_polygon,
         issues: report.issues,

@@ -236,7 +236,8 @@ fn columns_of(
         let solved = Solved::reopened(old.scene.clone(), &remains(old, transport)?);
         by_groups(&solved, &of, groups.len(), &old.report.settings, control, watch)?
     };
-    let emission = old.scene.polygons.iter().map(|polygon| polygon.emission).collect();
+    let lamps = old.scene.lamps.iter().map(|lamp| lamp.intensity);
+    let emission = old.scene.polygons.iter().map(|polygon| polygon.emission).chain(lamps).collect();
     let names = groups.into_iter().map(|group| group.name).collect();
     Ok(Columns { names, of, emission, fields, points: Arc::new(points) })
 }
@@ -273,7 +274,7 @@ fn weights_of(names: &[String], given: &[(String, [f64; 3])]) -> Result<Vec<[f64
     Ok(weights)
 }
 
-/// Emissions as solved times weights; those of materials, too, where all that is made of one is dimmed alike.
+/// Emissions and lamps' intensities as solved times weights; emissions of materials, too, where all that is made of one is dimmed alike.
 fn emit(scene: &mut Scene, columns: &Columns, weights: &[[f64; 3]]) {
     let mut of_material: Vec<Vec<Rgb>> = vec![Vec::new(); scene.materials.len()];
     for (index, polygon) in scene.polygons.iter_mut().enumerate() {
@@ -285,6 +286,10 @@ fn emit(scene: &mut Scene, columns: &Columns, weights: &[[f64; 3]]) {
         if !seen.contains(&polygon.emission) {
             seen.push(polygon.emission);
         }
+    }
+    let lamps = columns.of.iter().zip(&columns.emission).skip(scene.polygons.len());
+    for (lamp, (&group, &intensity)) in scene.lamps.iter_mut().zip(lamps) {
+        lamp.intensity = intensity * Rgb(weights[group as usize]);
     }
     for (material, seen) in scene.materials.iter_mut().zip(of_material) {
         if let [emission] = *seen {

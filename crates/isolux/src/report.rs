@@ -128,7 +128,7 @@ pub struct IterationReport {
 /// nothing of the links.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Energy {
-    /// Emitted by all surfaces.
+    /// Emitted by all surfaces; what lamps without a surface throw on surfaces counts as emitted there.
     pub emitted: Rgb,
     /// Turned to heat by the fronts of all surfaces, from the solution's irradiances.
     pub absorbed: Rgb,

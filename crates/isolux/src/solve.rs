@@ -2,7 +2,7 @@
 //! put together here.
 
 use crate::report::{LinkReport, PhaseReport};
-use crate::{Report, Schedule, Settings, Solution, SolveError, Status, VERSION, sequential, wavefront};
+use crate::{Report, Schedule, Settings, SettingsError, Solution, SolveError, Status, VERSION, sequential, wavefront};
 use isolux_core::scene::Scene;
 use isolux_core::solution::{Light, Observer};
 use isolux_core::tree::{ElementId, Elements};
@@ -14,15 +14,26 @@ use std::time::Instant;
 /// together without further work. What it lacks is made when it is asked for.
 ///
 /// # Errors
-/// [`SolveError`] for settings out of range and scenes without light.
+/// [`SolveError`] for settings out of range, scenes without light, and lamps that the schedule does not know.
 pub fn solve(scene: Arc<Scene>, settings: &Settings, observer: &mut dyn Observer) -> Result<Solution, SolveError> {
     settings.validate()?;
-    if scene.emitted_power() == Rgb::ZERO {
+    if scene.emitted_power() == Rgb::ZERO && scene.lamps.is_empty() {
         return Err(SolveError::NoLight { scene: scene.name.clone() });
     }
     match settings.schedule {
         Schedule::Wavefront => wavefront::solve(scene, settings, observer),
-        Schedule::Sequential => sequential::solve(scene, settings, observer),
+        Schedule::Sequential => {
+            check_lamps(&scene, settings.schedule.name())?;
+            sequential::solve(scene, settings, observer)
+        }
+    }
+}
+
+/// The paper's method knows only surfaces that emit.
+pub(crate) fn check_lamps(scene: &Scene, schedule: &'static str) -> Result<(), SettingsError> {
+    match scene.lamps.first() {
+        Some(lamp) => Err(SettingsError::Lamps { lamp: lamp.name.clone(), schedule }),
+        None => Ok(()),
     }
 }
 

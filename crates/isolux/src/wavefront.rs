@@ -50,9 +50,10 @@ pub struct Transported {
 pub struct Columns {
     /// Names of the groups.
     pub names: Vec<String>,
-    /// By polygon: its group, or [`NO_GROUP`].
+    /// By polygon, then by lamp: its group, or [`NO_GROUP`].
     pub of: Vec<u32>,
-    /// Emission by polygon, as it was solved, W/m² or lm/m².
+    /// Emission by polygon, as it was solved, W/m² or lm/m²; then the intensity of each lamp, see
+    /// [`Lamp::intensity`](isolux_core::scene::Lamp::intensity).
     pub emission: Vec<Rgb>,
     /// By group and leaf, leaves in ascending order: irradiance at corners and middle, W/m² or lm/m².
     pub fields: Vec<Vec<[[f32; 3]; 5]>>,
@@ -342,7 +343,7 @@ impl Transported {
     ///   where that is proven; centres lie in `[0, 1]²`; receivers ascend;
     /// - of clusters, only the first has no parent, the others come after theirs; members are polygons, each once; those of
     ///   a cluster lie among those of its parent; places, radii and areas are finite, areas above 0;
-    /// - of light groups, each polygon that emitted has one; there is one finite field per group and leaf; where they were
+    /// - of light groups, each polygon or lamp that emitted has one; there is one finite field per group and leaf; where they were
     ///   checked at points, one finite irradiance and two finite errors per group and point.
     ///
     /// # Errors
@@ -361,18 +362,18 @@ impl Transported {
 
     fn check_columns(&self, columns: &Columns, scene: &Scene, elements: &Elements) -> Result<(), TransportViolation> {
         let Columns { names, of, emission, fields, points } = columns;
-        let polygons = scene.polygons.len();
-        same_lengths(polygons, &[("groups/of", of.len()), ("groups/emission", emission.len())])?;
+        let emitters = scene.polygons.len() + scene.lamps.len();
+        same_lengths(emitters, &[("groups/of", of.len()), ("groups/emission", emission.len())])?;
         if names.is_empty() || fields.len() != names.len() {
             return Err(wrong("groups/field", format!("{} columns of {} groups", fields.len(), names.len())));
         }
         for (index, &group) in of.iter().enumerate() {
             if group != NO_GROUP && group as usize >= names.len() {
-                return Err(wrong("groups/of", format!("polygon {index} is of no group that exists")));
+                return Err(wrong("groups/of", format!("emitter {index} is of no group that exists")));
             }
             let own = emission[index];
             if !own.is_finite() || own.min_component() < 0.0 || group == NO_GROUP && own != Rgb::ZERO {
-                return Err(wrong("groups/emission", format!("that of polygon {index} cannot be")));
+                return Err(wrong("groups/emission", format!("that of emitter {index} cannot be")));
             }
         }
         let leaves = elements.leaves().count();

@@ -1,7 +1,8 @@
-//! Backs of two-sided surfaces: most face the inside of closed objects, where no light gets. Those that see a lit side take
-//! part.
+//! Backs of two-sided surfaces: most face the inside of closed objects, where no light gets. Those that see a lit side, or
+//! that a lamp's light falls on, take part.
 
 use crate::geometry::{Element, Geometry};
+use crate::lamps::reach;
 use crate::rays::point_of;
 use isolux_core::sampling::{Stream, mix};
 use rayon::prelude::*;
@@ -10,10 +11,14 @@ use rayon::prelude::*;
 /// (1 - s)^64: below 4 % for s = 5 %.
 const RAYS: u64 = 64;
 
-/// Which sides take part, by polygon: all fronts, and the backs that see a side that does.
+/// Which sides take part, by polygon: all fronts, and the backs that see a side that does or a lamp.
 pub(crate) fn lit_sides(geometry: &Geometry, roots: &[Element]) -> Vec<bool> {
     let fronts = geometry.scene.fronts;
     let mut active: Vec<bool> = (0..roots.len()).map(|polygon| polygon < fronts).collect();
+    let lamps = !geometry.scene.lamps.is_empty();
+    let by_lamps: Vec<usize> =
+        (fronts..roots.len()).into_par_iter().filter(|&back| lamps && reach(&roots[back], geometry)).collect();
+    by_lamps.into_iter().for_each(|back| active[back] = true);
     let seen: Vec<Vec<u32>> =
         (fronts as u32..roots.len() as u32).into_par_iter().map(|back| seen_from(back, geometry, roots)).collect();
     loop {

@@ -2,6 +2,7 @@
 //! which know nothing of links, and how much of its surroundings the links of each leaf account for.
 
 use crate::geometry::{End, NONE};
+use crate::light::mean;
 use crate::outcome::{Outcome, irradiance_in};
 use crate::rays::even_point_of;
 use crate::solve::Solved;
@@ -60,7 +61,8 @@ impl Leaving {
 }
 
 impl Solved {
-    /// Where the emitted power went, by the light of `outcome`. Each ray starts at a random point of the surfaces, with
+    /// Where the emitted power went, by the light of `outcome`; what lamps throw on surfaces, as this solve has it, is emitted
+    /// there. Each ray starts at a random point of the surfaces, with
     /// probability proportional to the light that leaves its leaf, and carries what leaves that point. `active`: polygons
     /// that take part.
     #[must_use]
@@ -75,6 +77,13 @@ impl Solved {
             standard_error: 0.0,
             rays: 0,
         };
+        // What lamps throw counts as emitted where it arrives: parallel light has no other measure.
+        for (leaf, lit) in self.transport.elements.iter().zip(&self.light.lit) {
+            if leaf.first_child == NONE {
+                let power = mean(lit, leaf.count).map(|value| f64::from(value * leaf.area * leaf.open_share()));
+                balance.emitted += Rgb(power);
+            }
+        }
         for leaf in elements.leaves() {
             let element = elements.get(leaf);
             let polygon = &scene.polygons[element.polygon as usize];

@@ -4,7 +4,8 @@
 use crate::contacts::{is_covered, is_on_line};
 use crate::control::Control;
 use crate::geometry::{Element, Geometry, NONE};
-use crate::light::{Bands, Field, Light, bands, mean};
+use crate::lamps::at_place;
+use crate::light::{Bands, Field, Light, bands, mean, rms};
 use crate::rays::{Packet, RAYS, even_point_of};
 use crate::read::{quadrant, shares_at};
 use crate::rounds::Transport;
@@ -32,7 +33,8 @@ const SIDES: (f64, f64) = (8.0, 32.0);
 /// Rays to emitters of a batch, per direction.
 const TO_LIGHTS: f64 = 0.5;
 
-/// What rays found, over all surfaces or over their darker half; relative to the mean irradiance there.
+/// What rays found, over all surfaces or over their darker half; relative to the mean irradiance there. What leaves know of
+/// themselves that their fields of lamps' light miss is not in it over all surfaces, as all leaves together tell it better.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Found {
     /// RMS over surfaces and bands of what the solution's irradiance lacks against what its own radiosities throw there.
@@ -62,6 +64,8 @@ struct Point {
     place: Place,
     found: [Bands; 2],
     solved: Bands,
+    /// Square of what its leaf knows to miss of lamps' direct light.
+    known: f64,
 }
 
 /// A point of a polygon.
@@ -80,6 +84,9 @@ pub struct PointErrors {
     /// Error of it by group and point, by either of two batches of rays that know nothing of each other, W/m² or lm/m².
     pub errors: Vec<Vec<[Bands; 2]>>,
 }
+/// Times that a point's lack of lamps' direct light may be what its leaf misses, RMS, as the leaf knows: a shadow's edge that one
+/// of 64 places tells of is eight times that off there. Beyond, the leaf is wrong about itself.
+const KNOWN: f32 = 8.0;
 
 /// Points of a region: that many tell what it lacks on average.
 const REGION: f64 = 16.0;
@@ -265,9 +272,11 @@ pub(crate) fn check(transport: &Transport, light: &Light, error: f64, seed: u64,
             (0..3).for_each(|band| sum[band] += direct[band]);
             sum
         };
+        let (lit, known) = of_lamps(place, transport, light);
         let found = [gather(stream), gather(stream)];
+        let found = found.map(|found| std::array::from_fn(|band| found[band] + lit[band]));
         let solved = crate::read::field_at(geometry, elements, light, polygon, point);
-        Some(Point { place, found, solved })
+        Some(Point { place, found, solved, known })
     });
     let places: Vec<Place> = points.iter().map(|point| point.place).collect();
     let errors = errors(&places, |point, batch| points[point].lacks()[batch], transport, light);
@@ -276,17 +285,23 @@ pub(crate) fn check(transport: &Transport, light: &Light, error: f64, seed: u64,
     Check {
         points: count,
         rays: points.len() as u64 * rays.of_point(),
-        ..measured(&solved, lacks, |index| errors[index])
+        ..measured(&solved, lacks, |index| errors[index], |index| points[index].known)
     }
 }
 
 /// Squares of what is lacking and of errors at points, over all of them and over the darker half; by both batches, so that
-/// their noise is in no mean.
-fn measured(solved: &[Bands], lacks: impl Fn(usize) -> [Bands; 2], errors: impl Fn(usize) -> [Bands; 2]) -> Check {
+/// their noise is in no mean. `known`: further squares at points, which count in the darker half; over all of them leaves
+/// tell them better.
+fn measured(
+    solved: &[Bands],
+    lacks: impl Fn(usize) -> [Bands; 2],
+    errors: impl Fn(usize) -> [Bands; 2],
+    known: impl Fn(usize) -> f64,
+) -> Check {
     let brightness: Vec<f32> = solved.iter().map(|solved| solved.iter().sum::<f32>() / 3.0).collect();
     let mut order: Vec<usize> = (0..solved.len()).collect();
     order.sort_by(|&a, &b| brightness[a].total_cmp(&brightness[b]));
-    let measure = |indices: &[usize]| {
+    let measure = |indices: &[usize], with_known: bool| {
         let count = indices.len().max(1) as f64;
         let mean = indices.iter().map(|&index| f64::from(brightness[index])).sum::<f64>() / count;
         // Where nothing arrives, nothing can lack a share of it.
@@ -294,7 +309,9 @@ fn measured(solved: &[Bands], lacks: impl Fn(usize) -> [Bands; 2], errors: impl 
         let squares = |values: &dyn Fn(usize) -> [Bands; 2]| -> (f64, f64) {
             let square = |&index: &usize| {
                 let [one, other] = values(index);
-                (0..3).map(|band| f64::from(one[band]) * f64::from(other[band])).sum::<f64>() / (3.0 * scale * scale)
+                let known = if with_known { known(index) } else { 0.0 };
+                let sum: f64 = (0..3).map(|band| f64::from(one[band]) * f64::from(other[band])).sum();
+                (sum / 3.0 + known) / (scale * scale)
             };
             let squares: Vec<f64> = indices.iter().map(square).collect();
             let mean = squares.iter().sum::<f64>() / count;
@@ -305,8 +322,8 @@ fn measured(solved: &[Bands], lacks: impl Fn(usize) -> [Bands; 2], errors: impl 
         let (error, square_error) = squares(&errors);
         (Found { lack, error, square_error }, mean)
     };
-    let (all, mean) = measure(&order);
-    let (dark, dark_mean) = measure(&order[..order.len() / 2]);
+    let (all, mean) = measure(&order, false);
+    let (dark, dark_mean) = measure(&order[..order.len() / 2], true);
     Check { all, dark, dark_mean: if mean > 0.0 { dark_mean / mean } else { 0.0 }, points: solved.len(), rays: 0 }
 }
 
@@ -346,7 +363,7 @@ impl PointErrors {
         };
         let mixed: Vec<(Bands, [Bands; 2])> = (0..self.len()).into_par_iter().with_min_len(256).map(mixed).collect();
         let (solved, errors): (Vec<Bands>, Vec<[Bands; 2]>) = mixed.into_iter().unzip();
-        Some(claim(&measured(&solved, |_| [[0.0; 3]; 2], |point| errors[point]), f64::INFINITY))
+        Some(claim(&measured(&solved, |_| [[0.0; 3]; 2], |point| errors[point], |_| 0.0), f64::INFINITY, 0.0))
     }
 }
 
@@ -416,6 +433,11 @@ pub(crate) fn check_groups(
         let choices: Vec<Choice<'_>> = (emitters.iter().zip(&own))
             .map(|(emitters, rays)| emitters.seen_from(place, Rays { side, ..*rays }.ratio(), geometry, elements))
             .collect();
+        let of_lamps = group_of.get(geometry.surfaces.len()..).unwrap_or_default();
+        let lit = |group: usize| {
+            at_place(place.point, place.polygon, geometry, |lamp| of_lamps.get(lamp) == Some(&(group as u32)))
+        };
+        let lit: Vec<Bands> = (0..columns.len()).map(lit).collect();
         let gather = |stream: &mut Stream| -> Vec<Bands> {
             let mut hits = Vec::with_capacity(side * side);
             let share = 1.0 / (side * side) as f32;
@@ -431,6 +453,7 @@ pub(crate) fn check_groups(
             });
             let lack = |group: usize| -> Bands {
                 let mut sum = emitted(place, own[group].to_lights, geometry, elements, &choices[group], stream);
+                (0..3).for_each(|band| sum[band] += lit[group][band]);
                 for hit in &hits {
                     let reflected = value(&columns[group], hit.leaf, &hit.shares);
                     (0..3).for_each(|band| sum[band] += hit.counts[band] * reflected[band]);
@@ -493,6 +516,24 @@ fn errors_of<const C: usize>(
     let errors = errors::<C>(places, lacks, transport, light);
     let of = |group: usize| errors.iter().map(|both| both.each_ref().map(|error| bands(error, group))).collect();
     (0..groups.len()).map(of).collect()
+}
+
+/// What lamps throw on a point, by shadow rays, and the square of what its leaf knows to miss of it. Where that explains what
+/// is lacking there, the leaf's own value stands for the rays': few points fall on edges of shadows, and would weigh much.
+fn of_lamps(place: Place, transport: &Transport, light: &Light) -> (Bands, f64) {
+    let Place { polygon, point } = place;
+    if light.lit.is_empty() {
+        return ([0.0; 3], 0.0);
+    }
+    let geometry = &*transport.geometry;
+    let leaf = place.node(0.0, transport) as usize;
+    let (found, missed) = (at_place(point, polygon, geometry, |_| true), light.lit_error[leaf]);
+    let corners =
+        &transport.elements[leaf].corners.map(|corner| corner.as_dvec3())[..transport.elements[leaf].count.into()];
+    let normal = geometry.surfaces[polygon as usize].normal.as_dvec3();
+    let own = crate::read::within(corners, normal, point.as_dvec3(), &light.lit[leaf]);
+    let lacks = rms(std::array::from_fn(|band| found[band] - own[band]));
+    (if lacks * lacks <= KNOWN * KNOWN * missed { own } else { found }, f64::from(missed))
 }
 
 impl Point {
@@ -638,6 +679,8 @@ fn emitted(
     let normal = geometry.surfaces[polygon as usize].normal;
     let start = [stream.next_unit(), stream.next_unit()];
     let mut sum = [0.0; 3];
+    // Lamps without a surface are asked by themselves.
+    let rays = if emitters.polygons.is_empty() { 0 } else { rays };
     for first in (0..rays).step_by(RAYS) {
         let mut packet = Packet::new();
         let mut carried = [[0.0; 3]; RAYS];

@@ -61,6 +61,9 @@ pub enum Bound {
 /// Bytes that an element takes while it is solved: geometry, and light as fields, means and slopes.
 pub(crate) const ELEMENT: usize = size_of::<crate::geometry::Element>() + 260;
 
+/// Bytes that lamps' light takes by element.
+pub(crate) const LIT: usize = size_of::<crate::light::Field>() + size_of::<f32>();
+
 /// Bytes of a link: in its list, and in the copy that a stopped stage returns to.
 pub(crate) const LINK: usize = 2 * size_of::<Link>();
 
@@ -70,6 +73,8 @@ pub(crate) struct Budget<'a> {
     pub(crate) bytes: usize,
     /// What the scene and its trees take already.
     pub(crate) fixed: usize,
+    /// What each element takes.
+    pub(crate) element: usize,
     pub(crate) deadline: Option<Instant>,
     /// Seconds that each element takes between refinement and the deadline, foreseen.
     pub(crate) rest: f64,
@@ -84,7 +89,7 @@ impl Budget<'_> {
             Some(Bound::Stop)
         } else if elements >= self.elements {
             Some(Bound::Elements)
-        } else if self.fixed + elements * ELEMENT + links * LINK >= self.bytes {
+        } else if self.fixed + elements * self.element + links * LINK >= self.bytes {
             Some(Bound::Memory)
         } else if self.is_late(elements) {
             Some(Bound::Time)

@@ -2,6 +2,7 @@
 //! itself. Shadows and contacts are then as sharp as they are, where a solve's own values end at its elements.
 
 use crate::geometry::{Element, Geometry};
+use crate::lamps::at_place;
 use crate::rays::{Packet, RAYS, point_of};
 use crate::tracer::Tracer;
 use glam::{DVec3, Vec3};
@@ -104,6 +105,8 @@ fn cluster(polygons: &mut [u32], size: usize, centre: &impl Fn(u32) -> DVec3) {
 
 /// Gathers light at points. Values do not depend on who asks, in which order.
 ///
+/// What lamps without a surface throw: by a shadow ray to each.
+///
 /// What is emitted: each emitter counts by its form factor at the point, in closed form, times the share of it that the point
 /// sees. Rays to places on emitters tell that share, more of them to emitters that throw more. Where nothing stands between,
 /// nothing is left to chance. What is reflected: rays in strata around the normal, by the cosine, read the solved radiosity of
@@ -145,7 +148,8 @@ impl<'a> FinalGather<'a> {
         } else {
             self.emitted_by_groups(point, side, share, stream)
         };
-        emitted + self.reflected(point, side, share, stream, solved)
+        let lamps = at_place(self.tracer.place(point), side, &self.tracer.geometry, |_| true);
+        emitted + Rgb(lamps.map(f64::from)) + self.reflected(point, side, share, stream, solved)
     }
 
     /// What is reflected towards a point: `pi` times the mean radiance over directions by the cosine.

@@ -8,7 +8,8 @@
 use crate::check::{PointErrors, check_groups};
 use crate::control::Control;
 use crate::geometry::NONE;
-use crate::light::{Field, Light, bands};
+use crate::lamps::{ALL_ONLY, lit_leaves};
+use crate::light::{Field, Light, bands, mean};
 use crate::solve::{Solved, settle};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -31,7 +32,7 @@ pub struct Columns {
 const SIDE_BY_SIDE: usize = 15;
 
 impl Solved {
-    /// Columns of `groups` groups; `group_of`: by polygon, [`NO_GROUP`] where nothing is emitted. They add up to the light
+    /// Columns of `groups` groups; `group_of`: by polygon, then by lamp, [`NO_GROUP`] where nothing is emitted. They add up to the light
     /// that is there, to rounding: what the last gathers leave between both, a share of `error`, goes at each place to
     /// the group that gives most there. None where `control` says stop.
     #[must_use]
@@ -92,6 +93,11 @@ impl Solved {
         for (own, element) in emission.iter().zip(&transport.elements) {
             (0..C).for_each(|c| power[c] += f64::from(element.area * own[c]));
         }
+        let lit = self.lit_by_groups::<C>(group_of, groups.clone());
+        for (own, element) in lit.iter().zip(&transport.elements).filter(|(_, element)| element.first_child == NONE) {
+            let arrives = mean(own, element.count);
+            (0..C).for_each(|c| power[c] += f64::from(element.area * arrives[c]));
+        }
         // Each begins with its share of all light, which adds up to that.
         let share: [f32; C] =
             std::array::from_fn(|c| if power[c % 3] > 0.0 { (power[c] / power[c % 3]) as f32 } else { 0.0 });
@@ -101,6 +107,7 @@ impl Solved {
         };
         let (field, correction) = (wide(&self.light.field), wide(&self.light.correction));
         let mut light = Light::of(emission, field, correction, &transport.clusters, &transport.elements);
+        light.lit = lit;
         light.sloped = self.light.sloped;
         light.pull(geometry, &transport.clusters, &transport.elements, &transport.order);
         light.settle(&transport.links, self.limit, &transport.evaluator());
@@ -112,6 +119,16 @@ impl Solved {
             leaves.map(|(field, _)| field.each_ref().map(|at| bands(at, group))).collect()
         };
         (1..=groups.len()).map(column).collect()
+    }
+
+    /// What lamps throw on leaves, as channels of a range of groups; empty where there are no lamps.
+    fn lit_by_groups<const C: usize>(&self, group_of: &[u32], groups: Range<usize>) -> Vec<Field<C>> {
+        let of_lamps = group_of.get(self.geometry.surfaces.len()..).unwrap_or_default();
+        let channel = |&group: &u32| {
+            let group = group as usize;
+            if groups.contains(&group) { 3 * (group - groups.start + 1) } else { ALL_ONLY }
+        };
+        lit_leaves(&self.transport, &of_lamps.iter().map(channel).collect::<Vec<usize>>())
     }
 
     /// Adds what columns lack of the light, at each place to the one that has most there; RMS of it over leaves by area,

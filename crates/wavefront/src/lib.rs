@@ -30,6 +30,7 @@ mod final_gather;
 mod geometry;
 mod groups;
 mod ideas;
+mod lamps;
 mod leaves;
 mod light;
 mod link;

@@ -148,6 +148,10 @@ pub(crate) struct Light<const C: usize = 3> {
     pub(crate) coherent: Vec<f32>,
     /// What the last gather at the leaves' own points found beyond what was pushed to them.
     pub(crate) correction: Vec<Field<C>>,
+    /// What lamps throw on leaves, part of `field`; empty where there are no lamps.
+    pub(crate) lit: Vec<Field<C>>,
+    /// Mean square over places and bands of what `lit` misses; not a number where it is not known yet.
+    pub(crate) lit_error: Vec<f32>,
     /// Mean irradiance of elements, pulled.
     pub(crate) irradiance: Vec<Bands>,
     /// Intensity of clusters by direction, W/sr or lm/sr.
@@ -188,6 +192,7 @@ impl Light {
             self.irradiance.push(self.irradiance[parent]);
             self.field.push(quarter(&self.field[parent], element.count, quadrant));
             self.correction.push(quarter(&self.correction[parent], element.count, quadrant));
+            self.adopt_lit(parent, element.count, quadrant);
         }
     }
 
@@ -201,6 +206,10 @@ impl Light {
         self.irradiance = arranged(&self.irradiance, places);
         self.field = arranged(&self.field, places);
         self.correction = arranged(&self.correction, places);
+        if !self.lit.is_empty() {
+            self.lit = arranged(&self.lit, places);
+            self.lit_error = arranged(&self.lit_error, places);
+        }
     }
 
     /// Area of a node times the weight of errors there, m².
@@ -259,6 +268,8 @@ impl<const C: usize> Light<C> {
             open: elements.iter().map(Element::open_share).collect(),
             coherent: vec![0.0; elements.len()],
             correction,
+            lit: Vec::new(),
+            lit_error: Vec::new(),
             intensity: vec![[[0.0; C]; 9]; count],
             cluster_radiosity: vec![0.0; count],
             cluster_irradiance: vec![0.0; count],
@@ -297,6 +308,7 @@ impl<const C: usize> Light<C> {
         fields.filter(|(_, element)| element.first_child == NONE).for_each(|((field, correction), _)| {
             add(field, correction);
         });
+        self.add_lamps(evaluator.elements);
         self.pull(evaluator.geometry, evaluator.clusters, evaluator.elements, evaluator.order);
     }
 
@@ -309,7 +321,14 @@ impl<const C: usize> Light<C> {
         self.correct(leaves, links, evaluator);
     }
 
-    /// Gives leaves these fields, and remembers what they have beyond what a pass with today's radiosities pushes to them.
+    /// Adds what lamps throw to the leaves' fields.
+    fn add_lamps(&mut self, elements: &[Element]) {
+        let fields = self.field.par_iter_mut().zip(&self.lit).zip(elements).with_min_len(1024);
+        fields.filter(|(_, element)| element.first_child == NONE).for_each(|((field, lit), _)| add(field, lit));
+    }
+
+    /// Gives leaves these fields, to which lamps' light is added, and remembers what they have beyond what a pass with today's
+    /// radiosities pushes to them.
     pub(crate) fn correct(&mut self, leaves: Vec<(u32, Field<C>)>, links: &[Link], evaluator: &Evaluator<'_>) {
         self.push(links, evaluator);
         self.correction.par_iter_mut().with_min_len(4096).for_each(|correction| *correction = dark());
@@ -322,6 +341,7 @@ impl<const C: usize> Light<C> {
             }
             self.field[leaf] = field;
         }
+        self.add_lamps(evaluator.elements);
         self.pull(evaluator.geometry, evaluator.clusters, evaluator.elements, evaluator.order);
     }
 

@@ -31,7 +31,7 @@ fn leaf_at(geometry: &Geometry, elements: &[Element], polygon: u32, point: Vec3)
     (index, place)
 }
 
-/// Irradiance of a node at its samples, by the leaves below it.
+/// Irradiance of a node at its samples, by the leaves below it, without what lamps throw there.
 pub(crate) fn samples(elements: &[Element], light: &Light, node: usize) -> Field {
     let count = elements[node].count as usize;
     let inner = f64::from(INNER);
@@ -48,7 +48,7 @@ pub(crate) fn samples(elements: &[Element], light: &Light, node: usize) -> Field
         while elements[index].first_child != NONE {
             index = elements[index].first_child as usize + place.descend();
         }
-        place.value(&light.field[index])
+        place.value(&light.without_lamps(index))
     })
 }
 

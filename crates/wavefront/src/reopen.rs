@@ -1,12 +1,13 @@
 //! A solve from what it left behind: elements, links, clusters and fields by number go in, a solve that can gather over its
-//! links again comes out. No ray is traced.
+//! links again comes out. No ray is traced, save to lamps without a surface.
 
 use crate::clusters::{Cluster, Clusters};
 use crate::contacts::Contacts;
 use crate::control::Control;
 use crate::geometry::{Geometry, NONE};
 use crate::ideas::Ideas;
-use crate::light::{Field, Light};
+use crate::lamps::{ALL_ONLY, lit_leaves};
+use crate::light::Light;
 use crate::link::{CLUSTER, Link, State};
 use crate::order::Order;
 use crate::outcome::{ClusterColumns, LinkColumns};
@@ -81,8 +82,15 @@ impl Solved {
             evaluated: 0,
             packets: 0,
         };
-        let is_leaf = |&(index, _): &(u32, Field)| transport.elements[index as usize].first_child == NONE;
-        let leaves = (0..).zip(remains.fields.iter().copied()).filter(is_leaf).collect();
+        if !geometry.scene.lamps.is_empty() {
+            light.expect_lamps();
+            // Fields of a file have lamps' light in them.
+            light.lit = lit_leaves(&transport, &vec![ALL_ONLY; geometry.scene.lamps.len()]);
+            light.lit_error.fill(0.0);
+        }
+        let is_leaf = |&index: &usize| transport.elements[index].first_child == NONE;
+        let indices = (0..remains.fields.len()).filter(is_leaf);
+        let leaves = indices.map(|index| (index as u32, light.without_lamps(index))).collect();
         light.correct(leaves, &transport.links, &transport.evaluator());
         Solved { geometry, transport, light, stages: Vec::new(), estimate: None, bound: None, limit: remains.limit }
     }

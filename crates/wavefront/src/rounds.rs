@@ -104,6 +104,10 @@ impl Transport {
     /// Refines everything that leaves more than `limit` in today's light. Where a bound of `budget` is broken before all is
     /// done, what is open is kept as it is; where it is a stop, all links are again what they were.
     pub(crate) fn refine(&mut self, light: &mut Light, limit: Limit, budget: &Budget<'_>) -> Option<Bound> {
+        let mut bound = self.light_up(light, limit, budget);
+        if bound == Some(Bound::Stop) {
+            return bound;
+        }
         let mut open: Vec<Open> = Vec::new();
         let before = (self.links.clone(), self.dark.clone(), self.alone.clone());
         let evaluator = self.evaluator();
@@ -122,7 +126,9 @@ impl Transport {
         }
         let alone = std::mem::take(&mut self.alone);
         open.extend(alone.into_iter().map(|c| Open::Pair(Pair { a: c, b: c, wants: A_RECEIVES, clear: false })));
-        let (mut bound, mut now) = (None, limit);
+        // Once a bound is broken, what is open is kept.
+        let kept = Limit { error: f32::INFINITY, ..limit };
+        let mut now = if bound.is_some() { kept } else { limit };
         while !open.is_empty() {
             let mut next = Vec::new();
             for slice in open.chunks(SLICE) {
@@ -130,7 +136,7 @@ impl Transport {
                     bound = budget
                         .broken(self.elements.len(), self.links.len() + self.dark.len() + open.len() + next.len());
                     if bound.is_some() {
-                        now = Limit { error: f32::INFINITY, ..limit };
+                        now = kept;
                     }
                 }
                 if bound == Some(Bound::Stop) {
@@ -141,12 +147,13 @@ impl Transport {
             }
             open = next;
         }
+        self.shine(light, limit.error);
         self.arrange(light);
         bound
     }
 
     /// Puts elements in order, and links in that of their receivers.
-    fn arrange(&mut self, light: &mut Light) {
+    pub(crate) fn arrange(&mut self, light: &mut Light) {
         let roots = self.geometry.surfaces.len();
         let places = places(&self.elements, roots);
         self.elements = arranged(&self.elements, &places);
@@ -244,7 +251,8 @@ impl Transport {
         }
     }
 
-    /// Area times weight times squared error of every leaf's field, m² (W/m²)²: what five points do not tell. 0 of others.
+    /// Area times weight times squared error of every leaf's field, m² (W/m²)²: what five points do not tell, and what the field
+    /// of lamps' light misses. 0 of others.
     fn bulges(&self, light: &Light) -> Vec<f32> {
         let evaluator = self.evaluator();
         let (roots, quarters) = self.elements.split_at(self.geometry.surfaces.len());
@@ -252,13 +260,14 @@ impl Transport {
             if self.elements[index].first_child != NONE {
                 return 0.0;
             }
-            let (field, count) = (&light.field[index], self.elements[index].count as usize);
+            let (field, count) = (light.without_lamps(index), self.elements[index].count as usize);
             let bulge = std::array::from_fn(|band| {
                 let sum: f32 = field[..count].iter().map(|value| value[band]).sum();
                 field[MIDDLE][band] - sum / count as f32
             });
             let error = (BULGE * rms(bulge)).max(FINER * apart);
-            light.weighted_area(index as u32, &evaluator) * error * error
+            let of_lamps = light.lit_error.get(index).copied().unwrap_or(0.0);
+            light.weighted_area(index as u32, &evaluator) * (error * error + of_lamps)
         };
         let of_roots = (0..roots.len()).into_par_iter().with_min_len(1024).map(|index| left(index, 0.0));
         let mut all: Vec<f32> = of_roots.collect();
@@ -276,7 +285,8 @@ impl Transport {
     fn apart(&self, leaf: usize, fit: &Field, quadrant: usize, light: &Light) -> f32 {
         let count = self.elements[leaf].count;
         let fit = quarter(fit, count, quadrant);
-        let apart: Field = std::array::from_fn(|k| std::array::from_fn(|b| light.field[leaf][k][b] - fit[k][b]));
+        let field = light.without_lamps(leaf);
+        let apart: Field = std::array::from_fn(|k| std::array::from_fn(|b| field[k][b] - fit[k][b]));
         let samples = (0..5).filter(|&k| k != 3 || count == 4);
         let square: f32 = samples.map(|k| rms(apart[k]) * rms(apart[k])).sum();
         // Of a linear function corners deviate by three times the mean square.

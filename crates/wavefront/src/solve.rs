@@ -3,10 +3,10 @@
 use crate::check::{Check, Found, check};
 use crate::clusters::Clusters;
 use crate::contacts::{Contacts, mark};
-use crate::control::{Bound, Budget, Control};
+use crate::control::{Bound, Budget, Control, ELEMENT, LIT};
 use crate::geometry::{Geometry, NONE};
 use crate::ideas::Ideas;
-use crate::light::{Light, bands, rms};
+use crate::light::{Light, add, bands, rms};
 use crate::link::CLUSTER;
 use crate::order::Order;
 use crate::rays::RAYS;
@@ -197,13 +197,11 @@ impl Prepared {
         let mut elements = geometry.bare_roots();
         mark(&mut elements, geometry, request.ideas.contact_lines);
         let area = scene.area();
-        let guess = first_guess(scene);
-        let mut light = Light::even(guess, geometry, clusters, &elements);
-        light.sloped = request.ideas.linear_sources;
         let deadline = request.time.map(|seconds| start + Duration::from_secs_f64(seconds));
         let mut budget = Budget {
             elements: request.max_elements.map_or(usize::MAX, |most| most as usize),
             bytes: request.memory.unwrap_or(MEMORY) as usize,
+            element: ELEMENT + if scene.lamps.is_empty() { 0 } else { LIT },
             fixed: geometry.bvh.memory() + clusters.memory() + scene.polygons.len() * size_of_val(&scene.polygons[0]),
             deadline,
             rest: 0.0,
@@ -222,8 +220,10 @@ impl Prepared {
             evaluated: 0,
             packets: 0,
         };
+        let (mut light, guess) = transport.first_guess();
+        light.sloped = request.ideas.linear_sources;
         let (mut stages, mut estimate, mut bound) = (Vec::<Stage>::new(), None, None);
-        let mut mean = f64::from(rms(guess));
+        let mut level = guess;
         // The least error claimed so far, and the stages since that made no better one.
         let (mut best, mut vain) = (f64::INFINITY, 0);
         let mut settled = 0.0;
@@ -233,7 +233,8 @@ impl Prepared {
         let mut share = FIRST_SHARE * (FIRST_AIM.max(request.error)).powi(2);
         while bound.is_none() {
             control.begin_stage();
-            let limit = Limit { error: (share * mean * mean * area) as f32, area: (request.least_area * area) as f32 };
+            let limit =
+                Limit { error: (share * level * level * area) as f32, area: (request.least_area * area) as f32 };
             let begun = Instant::now();
             let before = transport.elements.len();
             let traced = transport.evaluated + transport.packets;
@@ -246,7 +247,7 @@ impl Prepared {
             // Where refinement goes on, light needs to be known no better than links are.
             let coarse = stages.last().map_or(FIRST_AIM, |last| last.by_links / SLACK).max(request.error);
             let mut passes = settle(&mut light, &transport, settled, area, coarse, control);
-            mean = mean_irradiance(&light, scene, &transport);
+            let mut mean = mean_irradiance(&light, scene, &transport);
             let mut left = transport.remaining(&mut light);
             let relative = |square: f64, mean: f64| if mean > 0.0 { (square / area).sqrt() / mean } else { 0.0 };
             let mut by_links = relative(left.sum(), mean);
@@ -257,11 +258,14 @@ impl Prepared {
                 left = transport.remaining(&mut light);
                 by_links = relative(left.sum(), mean);
             }
+            // Where nothing arrives yet, what may arrive says how much is little.
+            level = if mean > 0.0 { mean } else { guess };
+            let by_lamps = relative(transport.missed_of_lamps(&light), mean);
             if control.is_stopped() {
                 bound = Some(Bound::Stop);
                 break;
             }
-            light.scale = mean as f32;
+            light.scale = level as f32;
             let gathered = begun.elapsed();
             let next = gathered.mul_f64(GROWTH).max((gathered - refined).mul_f64(2.0 * REST));
             let late = deadline.is_some_and(|deadline| Instant::now() + next > deadline);
@@ -279,7 +283,7 @@ impl Prepared {
             let begun_check = Instant::now();
             let mut found = asked.then(|| check(&transport, &light, request.error, request.seed, None));
             let is_doubted = |found: &Check| {
-                let claimed = claim(found, 0.0);
+                let claimed = claim(found, 0.0, 0.0);
                 let within = |asked: f64, all: f64, dark: f64| {
                     all <= MARGIN * asked && request.dark.is_none_or(|asked| dark <= MARGIN * asked)
                 };
@@ -300,7 +304,7 @@ impl Prepared {
                 }
                 doubted = true;
             }
-            let now = found.map(|found| claim(&found, by_links));
+            let now = found.map(|found| claim(&found, by_links, by_lamps));
             let checked = begun.elapsed();
             stages.push(Stage {
                 elements: transport.elements.len(),
@@ -359,13 +363,45 @@ impl Prepared {
     }
 }
 
-/// Irradiance as if all that is emitted fell evenly on everything, and what is reflected again and again.
-fn first_guess(scene: &Scene) -> [f32; 3] {
-    let area = scene.area();
-    let fronts = &scene.polygons[..scene.fronts];
-    let reflectance: f64 = fronts.iter().map(|polygon| polygon.reflectance.mean() * polygon.area).sum::<f64>() / area;
-    scene.emitted_power().0.map(|power| (power / area / (1.0 - reflectance.min(0.9))) as f32)
+impl Transport {
+    /// Light as if all that is emitted, and all that lamps throw on surfaces, once reflected, fell evenly on everything, and
+    /// what is reflected again and again; with the lamps' own light on top. And its mean irradiance, RMS over bands.
+    fn first_guess(&self) -> (Light, f64) {
+        let (geometry, scene) = (&self.geometry, &*self.geometry.scene);
+        let dark = || Light::even([0.0; 3], geometry, &self.clusters, &self.elements);
+        let mut lamps = [0.0; 3];
+        let mut lit = (Vec::new(), Vec::new());
+        if !scene.lamps.is_empty() {
+            let mut light = dark();
+            light.expect_lamps();
+            // Roots have no parents.
+            self.shine(&mut light, f32::INFINITY);
+            let [arrives, may_arrive] = self.arriving_of_lamps(&light);
+            lamps = std::array::from_fn(|band| arrives[band].max(LEAST_ARRIVING * may_arrive[band]));
+            lit = (light.lit, light.lit_error);
+        }
+        let area = scene.area();
+        let fronts = &scene.polygons[..scene.fronts];
+        let reflectance: f64 =
+            fronts.iter().map(|polygon| polygon.reflectance.mean() * polygon.area).sum::<f64>() / area;
+        let emitted = scene.emitted_power();
+        let even = std::array::from_fn(|band| {
+            ((emitted[band] + reflectance * lamps[band]) / area / (1.0 - reflectance.min(0.9))) as f32
+        });
+        let whole: [f32; 3] = std::array::from_fn(|band| even[band] + (lamps[band] / area) as f32);
+        let mut light = Light::even(even, geometry, &self.clusters, &self.elements);
+        (light.lit, light.lit_error) = lit;
+        for (field, lit) in light.field.iter_mut().zip(&light.lit) {
+            add(field, lit);
+        }
+        light.scale = rms(whole);
+        (light, f64::from(rms(whole)))
+    }
 }
+
+/// Share of what lamps would throw on surfaces if nothing were in the way that is taken to arrive at least: a patch of sun in
+/// a room that no ray has found yet.
+const LEAST_ARRIVING: f64 = 0.01;
 
 /// What one source may leave on a leaf: a quarter of what a link may, since a leaf sees some such sources at once.
 fn leaf_limit(limit: Limit) -> f32 {
@@ -453,14 +489,15 @@ fn converge<const C: usize>(light: &mut Light<C>, transport: &Transport, error: 
 const MOST_PASSES: u32 = 100;
 
 /// The error that is claimed: what rays found, a standard error of it added; where they cannot tell it from their own noise,
-/// half of what links say at least, but no more than what rays found with two standard errors.
-pub(crate) fn claim(check: &Check, by_links: f64) -> Estimate {
+/// half of what links say at least, but no more than what rays found with two standard errors. `by_lamps`: what the fields of
+/// lamps' direct light miss, as leaves know, which checks leave to them.
+pub(crate) fn claim(check: &Check, by_links: f64, by_lamps: f64) -> Estimate {
     let known = |found: Found| {
         let up_to = |errors: f64| (found.error * found.error + errors * found.square_error).sqrt();
         let is_known = found.error * found.error > 2.0 * found.square_error;
         if is_known { up_to(1.0) } else { up_to(1.0).max(up_to(2.0).min(0.5 * by_links)) }
     };
-    Estimate { total: known(check.all), dark: known(check.dark) }
+    Estimate { total: known(check.all).hypot(by_lamps), dark: known(check.dark) }
 }
 
 /// Seconds that each element takes from the end of refinement to that of a stage, by the stage before it. A check that was

@@ -1,8 +1,8 @@
 //! Validation of a scene's input: everything that a file may get wrong is found or mended here, and said.
 
 use super::{
-    Alpha, Corners, Face, Issue, IssueKind, Material, Object, Plane, Polygon, RELATIVE_TOLERANCE, Scene, SceneError,
-    SceneInput, Severity, Side, Surface,
+    Alpha, Corners, Face, Issue, IssueKind, Lamp, LampShape, Material, Object, Plane, Polygon, RELATIVE_TOLERANCE,
+    Scene, SceneError, SceneInput, Severity, Side, Surface,
 };
 use crate::tree::Path;
 use crate::units::Rgb;
@@ -36,7 +36,8 @@ pub(super) fn build(input: SceneInput, options: &BuildOptions) -> Result<Scene, 
     if !(scale.is_finite() && scale > 0.0) {
         return Err(SceneError::Unit { metres_per_unit: scale });
     }
-    let SceneInput { name, unit, mut objects, faces, mut materials, images, masks, mut cameras, issues, .. } = input;
+    let SceneInput { name, unit, mut objects, faces, mut materials, images, masks, mut cameras, lamps, issues, .. } =
+        input;
     let mut notes = Notes { issues, groups: BTreeMap::new() };
     make_unique(objects.iter_mut().map(|object| &mut object.name), "object");
     make_unique(materials.iter_mut().map(|material| &mut material.name), "material");
@@ -122,8 +123,9 @@ pub(super) fn build(input: SceneInput, options: &BuildOptions) -> Result<Scene, 
             *height *= scale;
         }
     }
-    if polygons.iter().all(|polygon| polygon.emission == Rgb::ZERO) {
-        let message = "no surface emits light: everything would be black".to_owned();
+    let lamps = admit_lamps(lamps, scale, &mut notes)?;
+    if lamps.is_empty() && polygons.iter().all(|polygon| polygon.emission == Rgb::ZERO) {
+        let message = "no surface emits light, and there is no lamp: everything would be black".to_owned();
         notes.issues.push(Issue {
             severity: Severity::Warning,
             kind: IssueKind::NoLight,
@@ -140,6 +142,7 @@ pub(super) fn build(input: SceneInput, options: &BuildOptions) -> Result<Scene, 
         images,
         masks,
         cameras,
+        lamps,
         triangles,
         face_polygon,
         issues: Vec::new(),
@@ -151,6 +154,59 @@ pub(super) fn build(input: SceneInput, options: &BuildOptions) -> Result<Scene, 
     scene.issues = notes.finish();
     scene.hash = scene.compute_hash();
     Ok(scene)
+}
+
+/// Lamps in metres, their vectors of unit length and orthogonal, those that throw nothing left out.
+fn admit_lamps(mut lamps: Vec<Lamp>, scale: f64, notes: &mut Notes) -> Result<Vec<Lamp>, SceneError> {
+    make_unique(lamps.iter_mut().map(|lamp| &mut lamp.name), "lamp");
+    let mut admitted = Vec::with_capacity(lamps.len());
+    for mut lamp in lamps {
+        let wrong = |what| SceneError::Lamp { lamp: lamp.name.clone(), what };
+        lamp.position *= scale;
+        if !lamp.position.is_finite() || !lamp.intensity.is_finite() {
+            return Err(wrong("its place or intensity is not a finite number"));
+        }
+        let forward = lamp.forward.try_normalize().ok_or_else(|| wrong("it has no direction"))?;
+        let side = lamp.side.reject_from_normalized(forward).try_normalize();
+        match &lamp.shape {
+            LampShape::Point | LampShape::Parallel => {}
+            LampShape::Spot { inner, outer } => {
+                // Half a sphere may be missed by rounding.
+                if !(*inner >= 0.0 && inner < outer && *outer <= std::f64::consts::FRAC_PI_2 + 1e-6) {
+                    return Err(wrong("its cone is none: 0 <= inner angle < outer angle <= 90 degrees is wanted"));
+                }
+            }
+            LampShape::Web(web) => {
+                let ascends = |list: &[f64], most: f64| {
+                    list.iter().all(|angle| (0.0..=most).contains(angle))
+                        && list.windows(2).all(|pair| pair[0] < pair[1])
+                };
+                let is_whole = web.polar.len() > 1
+                    && !web.around.is_empty()
+                    && web.intensity.len() == web.polar.len() * web.around.len()
+                    && ascends(&web.polar, 180.0)
+                    && ascends(&web.around, 360.0)
+                    && (web.around.len() == 1 || (web.around[0], web.around[web.around.len() - 1]) == (0.0, 360.0));
+                if !is_whole || web.intensity.iter().any(|value| !(value.is_finite() && *value >= 0.0)) {
+                    return Err(wrong("its table of intensities is not whole"));
+                }
+            }
+        }
+        if lamp.intensity.min_component() < 0.0 {
+            notes.value(IssueKind::NegativeValue, &lamp.name, lamp.intensity.min_component());
+        }
+        lamp.intensity = lamp.intensity.map(|value| value.max(0.0));
+        lamp.forward = forward;
+        lamp.side = side.unwrap_or_else(|| forward.any_orthonormal_vector());
+        if lamp.intensity == Rgb::ZERO {
+            let message = "left out: it throws no light".to_owned();
+            let (severity, kind) = (Severity::Note, IssueKind::Ignored);
+            notes.issues.push(Issue { severity, kind, object: lamp.name, message });
+        } else {
+            admitted.push(lamp);
+        }
+    }
+    Ok(admitted)
 }
 
 /// A face that has passed: corners in metres, values clamped.

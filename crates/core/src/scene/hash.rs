@@ -1,7 +1,7 @@
 //! Identity of a scene: a hash over everything that its results depend on or are read by; [`Scene::compute_hash`] lists
 //! what that is.
 
-use super::{Alpha, AlphaMask, Corners, Material, Plane, Polygon, Scene, Side, Texture, Wrap};
+use super::{Alpha, AlphaMask, Corners, Lamp, LampShape, Material, Plane, Polygon, Scene, Side, Texture, Wrap};
 use crate::units::Rgb;
 use glam::{DVec2, DVec3};
 use sha2::{Digest, Sha256};
@@ -22,6 +22,7 @@ pub(super) fn hash(scene: &Scene) -> [u8; 32] {
         images: _,
         masks,
         cameras: _,
+        lamps,
         triangles,
         face_polygon,
         issues: _,
@@ -42,6 +43,10 @@ pub(super) fn hash(scene: &Scene) -> [u8; 32] {
     bytes.list(objects, |bytes, object| bytes.text(&object.name));
     bytes.list(materials, Bytes::material);
     bytes.list(masks, Bytes::mask);
+    // Scenes without lamps keep the hash that they had before there were any.
+    if !lamps.is_empty() {
+        bytes.list(lamps, Bytes::lamp);
+    }
     bytes.0.finalize().into()
 }
 
@@ -163,6 +168,28 @@ impl Bytes {
             bytes.rgb(*factor);
             bytes.wrap(*wrap);
         });
+    }
+
+    fn lamp(&mut self, lamp: &Lamp) {
+        let Lamp { name, position, forward, side, intensity, shape } = lamp;
+        self.text(name);
+        [position, forward, side].into_iter().for_each(|&vector| self.point(vector));
+        self.rgb(*intensity);
+        match shape {
+            LampShape::Point => self.choice(0),
+            LampShape::Spot { inner, outer } => {
+                self.choice(1);
+                self.number(*inner);
+                self.number(*outer);
+            }
+            LampShape::Parallel => self.choice(2),
+            LampShape::Web(web) => {
+                self.choice(3);
+                for list in [&web.polar, &web.around, &web.intensity] {
+                    self.list(list, |bytes, &value| bytes.number(value));
+                }
+            }
+        }
     }
 
     fn mask(&mut self, mask: &AlphaMask) {

@@ -1,6 +1,6 @@
 //! What a reader hands over: named objects with indexed faces, materials, images, cameras; nothing is trusted yet.
 
-use super::{AlphaMask, Camera};
+use super::{AlphaMask, Camera, Lamp};
 use crate::units::{Rgb, Unit};
 use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
@@ -26,6 +26,9 @@ pub struct SceneInput {
     pub masks: Vec<AlphaMask>,
     /// Cameras, world coordinates in the file's unit.
     pub cameras: Vec<Camera>,
+    /// Lamps without a surface, world coordinates in the file's unit; their intensities are in cd, lux or W alike whatever
+    /// that unit is.
+    pub lamps: Vec<Lamp>,
     /// What the reader noticed already (ignored features, assumed values), each naming its object.
     pub issues: Vec<super::Issue>,
 }

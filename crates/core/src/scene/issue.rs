@@ -27,7 +27,7 @@ pub enum IssueKind {
     OpacityClamped,
     /// Negative emission or reflectance was set to zero.
     NegativeValue,
-    /// No surface emits.
+    /// Nothing emits.
     NoLight,
     /// A quadrilateral is not planar or not convex and was cut into two triangles.
     NonPlanarQuad,
@@ -119,6 +119,14 @@ pub enum SceneError {
         /// Name of the material.
         material: String,
         /// Which value.
+        what: &'static str,
+    },
+    /// A lamp makes no sense.
+    #[error("lamp '{lamp}': {what}")]
+    Lamp {
+        /// Its name.
+        lamp: String,
+        /// What is wrong with it.
         what: &'static str,
     },
     /// The unit scale is not positive and finite.

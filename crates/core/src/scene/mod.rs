@@ -9,6 +9,7 @@ mod corners;
 mod hash;
 mod input;
 mod issue;
+mod lamp;
 mod mask;
 mod polygon;
 
@@ -18,6 +19,7 @@ pub use check::SceneViolation;
 pub use corners::Corners;
 pub use input::{Alpha, Face, Image, Material, Object, SceneInput, Surface, Texture, Wrap};
 pub use issue::{Issue, IssueKind, SceneError, Severity};
+pub use lamp::{Lamp, LampShape, Thrown, Web};
 pub use mask::AlphaMask;
 pub use polygon::{Plane, Polygon, Side};
 
@@ -46,6 +48,8 @@ pub struct Scene {
     pub masks: Vec<AlphaMask>,
     /// Cameras of the file, in world coordinates.
     pub cameras: Vec<Camera>,
+    /// Lamps without a surface, in file order, metres.
+    pub lamps: Vec<Lamp>,
     /// Corners of every input triangle in file order, metres; the row is the face index. A quadrilateral face counts
     /// as two triangles (0,1,2) and (0,2,3).
     pub triangles: Vec<[DVec3; 3]>,
@@ -78,10 +82,16 @@ impl Scene {
         build::build(input, options)
     }
 
-    /// Total emitted power (all bands), W or lm.
+    /// Total power that surfaces emit (all bands), W or lm.
     #[must_use]
     pub fn emitted_power(&self) -> Rgb {
         self.polygons.iter().map(|polygon| polygon.emission * polygon.area).sum()
+    }
+
+    /// Total power of the lamps that have no surface, W or lm. Of parallel light, which has no end, nothing is counted.
+    #[must_use]
+    pub fn lamp_power(&self) -> Rgb {
+        self.lamps.iter().filter_map(Lamp::power).sum()
     }
 
     /// Total area of all fronts, m².
@@ -106,7 +116,7 @@ impl Scene {
     /// SHA-256 over the scene as it is now; equals `hash` unless someone changed it.
     ///
     /// It covers what a result depends on: polygons (corners, plane, area, surface values, sides, twins, masks with
-    /// their texture coordinates), masks, the diameter that tolerances refer to, and the unit of power. And it covers
+    /// their texture coordinates), masks, lamps, the diameter that tolerances refer to, and the unit of power. And it covers
     /// what a result is read by: input triangles, which polygon holds which of them, objects and materials by name
     /// and value (reports and outputs speak of them), texture coordinates. It does not cover the name of the scene,
     /// which a copied file may change, its cameras, images and findings: they change no value on a surface.

@@ -46,6 +46,7 @@ pub fn scene(polygons: Vec<Polygon>) -> Scene {
         images: vec![],
         masks: vec![],
         cameras: vec![],
+        lamps: vec![],
         triangles: vec![],
         face_polygon: vec![],
         issues: vec![],

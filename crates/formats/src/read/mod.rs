@@ -24,15 +24,56 @@ use std::path::Path;
 pub struct ReadOptions {
     /// Metres per length unit of the file; `None`: 1, which glTF prescribes and OBJ leaves open (an issue says so).
     pub metres_per_unit: Option<f64>,
-    /// Factor on every emission: 1 where the file's values are radiances, cd/m² or W/(m² sr).
+    /// Factor on the emission of every surface: 1 where the file's values are radiances, cd/m² or W/(m² sr).
     pub emission_scale: f64,
+    /// What the intensities of lamps without a surface mean (`KHR_lights_punctual`).
+    pub light_units: LightUnits,
     /// What the file counts power in; both formats mean lumens, where they mean anything.
     pub unit: Unit,
 }
 
 impl Default for ReadOptions {
     fn default() -> ReadOptions {
-        ReadOptions { metres_per_unit: None, emission_scale: 1.0, unit: Unit::default() }
+        ReadOptions { metres_per_unit: None, emission_scale: 1.0, light_units: LightUnits::Spec, unit: Unit::default() }
+    }
+}
+
+/// What the intensities of lamps without a surface mean. Blender's exporter of glTF offers these three.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum LightUnits {
+    /// As glTF prescribes: cd for points and spots, lux for parallel light.
+    #[default]
+    Spec,
+    /// Without a unit, about 1 where a viewer's picture is well exposed: radiant intensity, W/sr, and W/m² for parallel light, of
+    /// light of 555 nm. Times [`LUMENS_PER_WATT`].
+    Unitless,
+    /// Blender's own numbers: W for points and spots, W/m² for parallel light. Of a spot they are those of a point that it is cut
+    /// from. Times [`LUMENS_PER_WATT`], by 4π sr.
+    Blender,
+}
+
+/// Luminous efficacy of light of 540 THz, by which Blender's exporter converts: lm/W.
+pub const LUMENS_PER_WATT: f64 = 683.0;
+
+impl LightUnits {
+    /// The units of that name: `spec`, `unitless`, `blender`.
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<LightUnits> {
+        match name {
+            "spec" => Some(LightUnits::Spec),
+            "unitless" => Some(LightUnits::Unitless),
+            "blender" => Some(LightUnits::Blender),
+            _ => None,
+        }
+    }
+
+    /// Factor that makes the file's numbers candela, or lux for parallel light.
+    fn factor(self, parallel: bool) -> f64 {
+        match self {
+            LightUnits::Spec => 1.0,
+            LightUnits::Blender if !parallel => LUMENS_PER_WATT / (4.0 * std::f64::consts::PI),
+            LightUnits::Unitless | LightUnits::Blender => LUMENS_PER_WATT,
+        }
     }
 }
 

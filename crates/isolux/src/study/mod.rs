@@ -198,6 +198,7 @@ impl StudyProblem {
             ..Settings::default()
         };
         check.validate()?;
+        crate::solve::check_lamps(&scene, "that of a study")?;
         if scene.emitted_power() == Rgb::ZERO {
             return Err(StudyError::NoLight { scene: scene.name.clone() });
         }

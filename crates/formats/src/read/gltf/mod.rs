@@ -30,9 +30,10 @@ pub(super) fn read(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<S
     let document = container::open(path, bytes)?;
     let mut scene = SceneInput { metres_per_unit: options.metres_per_unit.unwrap_or(1.0), ..SceneInput::default() };
     scene.issues = extensions::notes(&document.file, document.root());
-    let walk = nodes::walk(&document)?;
+    let walk = nodes::walk(&document, options.light_units)?;
     scene.issues.extend(walk.issues);
     scene.cameras = walk.cameras;
+    scene.lamps = walk.lamps;
     if document.extra.animations > 0 {
         let message = format!("{} animations are ignored", document.extra.animations);
         scene.issues.push(issue(Severity::Note, IssueKind::Ignored, &document.file, message));

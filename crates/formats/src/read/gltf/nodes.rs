@@ -3,12 +3,14 @@
 
 use super::container::Document;
 use crate::read::error::{ReadError, brief, clean};
-use crate::read::issue;
 use crate::read::names::Names;
+use crate::read::{LightUnits, issue};
 use glam::{DMat3, DMat4, DQuat, DVec3};
-use gltf::json::extensions::scene::khr_lights_punctual::Light;
+use gltf::json::extensions::scene::khr_lights_punctual::{Light, Type};
+use gltf::json::validation::Checked;
 use gltf::json::{self, Index, Node, Root};
-use isolux_core::scene::{Camera, Issue, IssueKind, Projection, Severity};
+use isolux_core::scene::{Camera, Issue, IssueKind, Lamp, LampShape, Projection, Severity};
+use isolux_core::units::Rgb;
 
 /// A mesh as a node shows it.
 pub(super) struct Instance {
@@ -25,11 +27,12 @@ pub(super) struct Instance {
 pub(super) struct Walk {
     pub(super) instances: Vec<Instance>,
     pub(super) cameras: Vec<Camera>,
+    pub(super) lamps: Vec<Lamp>,
     pub(super) issues: Vec<Issue>,
 }
 
 /// Walks the default scene (else the first; else all nodes that are nobody's child).
-pub(super) fn walk(document: &Document<'_>) -> Result<Walk, ReadError> {
+pub(super) fn walk(document: &Document<'_>, units: LightUnits) -> Result<Walk, ReadError> {
     let root = document.root();
     let mut walk = Walk::default();
     let roots: Vec<Index<Node>> = match (root.scene, root.scenes.first()) {
@@ -51,7 +54,7 @@ pub(super) fn walk(document: &Document<'_>) -> Result<Walk, ReadError> {
         walk.issues.push(issue(Severity::Note, IssueKind::Ignored, &document.file, message));
     }
 
-    let (mut objects, mut cameras) = (Names::default(), Names::default());
+    let (mut objects, mut cameras, mut lamps) = (Names::default(), Names::default(), Names::default());
     let mut visited = vec![false; root.nodes.len()];
     let mut repeated: Vec<usize> = Vec::new();
     // Depth-first with a stack of its own: a chain of a million nodes must not end the program's.
@@ -72,7 +75,7 @@ pub(super) fn walk(document: &Document<'_>) -> Result<Walk, ReadError> {
             walk.camera(document, index, camera, world, &mut cameras)?;
         }
         if let Some(light) = node.extensions.as_ref().and_then(|extensions| extensions.khr_lights_punctual.as_ref()) {
-            walk.light(root, index, light.light);
+            walk.lamp(document, index, light.light, world, units, &mut lamps)?;
         }
     }
     if let Some(&first) = repeated.first() {
@@ -149,18 +152,58 @@ impl Walk {
         Ok(())
     }
 
-    fn light(&mut self, root: &Root, index: usize, light: Index<Light>) {
-        let data = root.get(light);
-        let label = [root.nodes[index].name.as_ref(), data.and_then(|light| light.name.as_ref())];
-        let name = label.into_iter().flatten().find(|name| !clean(name).is_empty()).cloned();
-        let name = name.unwrap_or_else(|| format!("light {light}"));
-        let kind = data.map_or_else(|| "missing".to_owned(), |light| format!("{:?}", light.type_));
-        // The type is shown as `Valid(Spot)` or `Invalid`.
-        let kind = kind.trim_start_matches("Valid(").trim_end_matches(')').to_ascii_lowercase();
-        let message = format!("{kind} light of KHR_lights_punctual is ignored: only surfaces emit");
-        self.issues.push(issue(Severity::Warning, IssueKind::Ignored, &name, message));
+    fn lamp(
+        &mut self,
+        document: &Document<'_>,
+        index: usize,
+        light: Index<Light>,
+        world: DMat4,
+        units: LightUnits,
+        names: &mut Names,
+    ) -> Result<(), ReadError> {
+        let root = document.root();
+        let data = entry(document, || node_name(root, index), "light", light)?;
+        let label = [&root.nodes[index].name, &data.name].into_iter().flatten().find(|name| !clean(name).is_empty());
+        let name = names.unique(label.map(String::as_str), || format!("light {light}"));
+        let shape = match (&data.type_, &data.spot) {
+            (Checked::Valid(Type::Directional), _) => Some(LampShape::Parallel),
+            (Checked::Valid(Type::Point), _) => Some(LampShape::Point),
+            (Checked::Valid(Type::Spot), spot) => {
+                let (inner, outer) = spot.as_ref().map_or((0.0, SPOT_ANGLE), |spot| {
+                    (f64::from(spot.inner_cone_angle), f64::from(spot.outer_cone_angle))
+                });
+                // A cone without a rim, as files have it, is one with the least.
+                let inner = if inner == outer { inner * (1.0 - LEAST_RIM) } else { inner };
+                Some(LampShape::Spot { inner, outer })
+            }
+            (Checked::Invalid, _) => None,
+        };
+        // A lamp shines along -z; scale has no meaning for it.
+        let forward = (-world.z_axis.truncate()).try_normalize();
+        let (Some(shape), Some(forward)) = (shape, forward) else {
+            let message =
+                "the light is ignored: its type is none of directional, point and spot, or it has no direction";
+            self.issues.push(issue(Severity::Warning, IssueKind::Ignored, &name, message));
+            return Ok(());
+        };
+        let factor = f64::from(data.intensity) * units.factor(shape == LampShape::Parallel);
+        self.lamps.push(Lamp {
+            name,
+            position: world.w_axis.truncate(),
+            forward,
+            side: world.x_axis.truncate(),
+            intensity: Rgb(data.color.map(f64::from)) * factor,
+            shape,
+        });
+        Ok(())
     }
 }
+
+/// Angle of a cone of which a file says nothing, radians.
+const SPOT_ANGLE: f64 = std::f64::consts::FRAC_PI_4;
+
+/// Least share of a cone's angle that its rim takes.
+const LEAST_RIM: f64 = 1e-3;
 
 /// Transform of a node to its parent.
 fn local(node: &Node) -> DMat4 {
