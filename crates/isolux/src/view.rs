@@ -206,7 +206,7 @@ struct Shown {
 }
 
 impl Solution {
-    /// What a viewer draws and tells, see the [layout](self).
+    /// What a viewer draws and tells, in the layout that `crates/isolux/src/view.rs` describes.
     #[must_use]
     pub fn view_data(&self, limits: &ViewLimits) -> Vec<u8> {
         let scene = &*self.scene;
