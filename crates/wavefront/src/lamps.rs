@@ -286,6 +286,13 @@ fn takes_light(element: &Element, transport: &Transport) -> bool {
 }
 
 impl Transport {
+    /// Places at which a leaf should be asked that misses so much as far as 16 places tell.
+    fn places(&self, element: &Element, missed: f32, light: &Light, error: f32) -> f32 {
+        let of_parent = light.lit_error.get(element.parent as usize).copied().unwrap_or(0.0);
+        let is_suspect = 4.0 * element.area * of_parent > error && missed < FAR_BETTER * of_parent;
+        if is_suspect { (STEP * element.area * of_parent / error).max(4.0 * RAYS as f32) } else { 0.0 }
+    }
+
     /// Finds the direct light of lamps at leaves where it is not known yet, and gives it to their fields. `error`: area times
     /// squared error that a leaf may miss.
     pub(crate) fn shine(&self, light: &mut Light, error: f32) {
@@ -296,13 +303,8 @@ impl Transport {
                 return ([[0.0; 3]; 5], 0.0);
             }
             let (field, missed) = lit(element, &self.geometry, &channels, 0.0);
-            let of_parent = light.lit_error.get(element.parent as usize).copied().unwrap_or(0.0);
-            let is_suspect = 4.0 * element.area * of_parent > error && missed < FAR_BETTER * of_parent;
-            if !is_suspect {
-                return (field, missed);
-            }
-            let places = (STEP * element.area * of_parent / error).max(4.0 * RAYS as f32);
-            lit(element, &self.geometry, &channels, places)
+            let places = self.places(element, missed, light, error);
+            if places > RAYS as f32 { lit(element, &self.geometry, &channels, places) } else { (field, missed) }
         };
         let unknown: Vec<u32> =
             (0..light.lit.len() as u32).filter(|&leaf| light.lit_error[leaf as usize].is_nan()).collect();
@@ -321,6 +323,13 @@ impl Transport {
         if light.lit.is_empty() {
             return None;
         }
+        // With a lower limit, leaves that were better than their parents by few places are asked at more.
+        let again = |(leaf, element): (usize, &Element)| {
+            let missed = light.lit_error[leaf];
+            let more = self.places(element, missed, light, limit.error) > 4.0 * RAYS as f32;
+            if element.first_child == NONE && more { f32::NAN } else { missed }
+        };
+        light.lit_error = self.elements.par_iter().enumerate().with_min_len(1024).map(|(l, e)| again((l, e))).collect();
         let bound = loop {
             self.shine(light, limit.error);
             let bound = budget.broken(self.elements.len(), self.links.len() + self.dark.len());

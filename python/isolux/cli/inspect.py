@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from isolux.cli import tables
-from isolux.cli.options import JsonTarget, Units, load_scene, write_json
+from isolux.cli.options import JsonTarget, LightUnitsOption, Units, load_scene, write_json
 from isolux.cli.terminal import interrupts, show
 
 if TYPE_CHECKING:
@@ -22,9 +22,10 @@ __all__ = ["inspect"]
 def inspect(
     scene: Annotated[Path, typer.Argument(metavar="SCENE", help="glTF (.glb, .gltf) or OBJ.")],
     units: Units = None,
+    light_units: LightUnitsOption = "spec",
     json: JsonTarget = None,
 ) -> int:
-    """Show what is in a scene: extents, polygons, lights and their groups, cameras, materials, findings.
+    """Show what is in a scene: extents, polygons, lights, lamps and their groups, cameras, materials, findings.
 
     Findings are what the file leaves open or gets wrong, and faults of its geometry: flipped faces, corners
     inside neighbours' edges, polygons that overlap in one plane. Each names its object.
@@ -37,7 +38,7 @@ def inspect(
         isolux inspect room.glb --json - | jq '.lights[].total'
     """
     with interrupts():
-        loaded = load_scene(scene, units)
+        loaded = load_scene(scene, units, light_units)
         loaded.check()
         findings = sorted(loaded.issues + loaded.audit(), key=lambda issue: issue.severity != "warning")
         return _show(loaded, scene, findings, json)
@@ -49,8 +50,9 @@ def _show(loaded: Scene, scene: Path, findings: list[Issue], json: str | None) -
     show(
         tables.scene(loaded, str(scene)),
         "",
-        tables.lights(loaded.lights, loaded.unit) if loaded.lights else "no lights",
-        *(("", tables.light_groups(loaded.light_groups, loaded.unit)) if loaded.lights else ()),
+        tables.lights(loaded.lights, loaded.unit) if loaded.lights else "no surface emits",
+        *(("", tables.lamps(loaded.lamps, loaded.unit)) if loaded.lamps else ()),
+        *(("", tables.light_groups(loaded.light_groups, loaded.unit)) if loaded.lights or loaded.lamps else ()),
         "",
         tables.materials(loaded.materials, loaded.unit),
         "",
@@ -78,6 +80,8 @@ def _values(scene: Scene, source: Path, findings: list[Issue]) -> dict[str, Any]
             "groups": [{**dataclasses.asdict(group), "total": group.total} for group in scene.light_groups],
         },
         "emitted_power": scene.emitted_power,
+        "lamps": [dataclasses.asdict(lamp) for lamp in scene.lamps],
+        "lamp_power": scene.lamp_power,
         "cameras": scene.cameras,
         "issues": [dataclasses.asdict(issue) for issue in findings],
     }
