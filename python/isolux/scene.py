@@ -431,9 +431,9 @@ def load(
         What the file counts power in: ``"lm"``, as glTF prescribes, or ``"W"``. Nothing is converted: it is
         recorded in every result.
     light_units
-        What the intensities of `KHR_lights_punctual` mean, as Blender's exporter offers them: ``"spec"``, candela
-        and lux; ``"unitless"``, W/sr and W/m², times 683 lm/W; ``"blender"``, watts of all directions and W/m², times
-        683 lm/W (by 4 pi for points and spots).
+        What the intensities of `KHR_lights_punctual` mean, as Blender's exporter offers them: ``"spec"``,
+        candela and lux; ``"unitless"``, W/sr and W/m², times 683 lm/W; ``"blender"``, watts of all
+        directions and W/m², times 683 lm/W (by 4 pi for points and spots).
 
     Raises
     ------
@@ -480,7 +480,7 @@ def _lamp(
 ) -> tuple[str, str, tuple[float, float, float], tuple[float, float, float], Bands, tuple[float, float]]:
     """As the extension takes it."""
     if not isinstance(entry, Lamp):
-        raise ValueError(f"lamps[{row}] is a {type(entry).__name__}: expected isolux.Lamp")
+        raise TypeError(f"lamps[{row}] is a {type(entry).__name__}: expected isolux.Lamp")
     return (
         str(entry.name),
         str(entry.kind),
