@@ -1,6 +1,7 @@
-"""A studio with lamps that have no surface: a bulb, a spot over the table, sun through a window in the wall."""
+"""A studio with lamps that have no surface: a bulb, a spot over the table, sun through a window."""
 
 import math
+from typing import Any
 
 import pygltflib as gltf
 from builder import Material, Mesh, Quaternion, Scene, Vec, turn
@@ -16,7 +17,7 @@ SUN_TURN = -40.0  # about z: from straight down towards +x, degrees
 class Lit(Scene):
     """A scene with lights of `KHR_lights_punctual`: (what it is, place, rotation) each."""
 
-    lamps: list[tuple[dict, Vec, Quaternion]] = []
+    lamps: tuple[tuple[dict[str, Any], Vec, Quaternion], ...] = ()
 
     def to_gltf(self) -> gltf.GLTF2:
         """The file, with a node per lamp; a lamp shines along its node's -z."""
@@ -58,7 +59,7 @@ def main() -> None:
     # Straight down is -z turned about x; the sun is then tipped about z towards +x.
     tip = turn("z", -SUN_TURN)
     sun = (tip[3] * down[0], tip[2] * down[0], tip[2] * down[3], tip[3] * down[3])
-    scene.lamps = [
+    scene.lamps = (
         (
             {"type": "point", "name": "bulb", "color": [1.0, 0.85, 0.65], "intensity": BULB},
             (1.5, 2.4, 3.2),
@@ -79,7 +80,7 @@ def main() -> None:
             (0.0, 4.0, 2.0),
             sun,
         ),
-    ]
+    )
     scene.camera("door", (4.7, 1.6, 3.7), (1.6, 0.7, 1.2), 62.0)
     rim = math.cos(INNER) - math.cos(OUTER)
     steep = math.cos(math.radians(SUN_TURN))

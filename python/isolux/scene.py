@@ -97,17 +97,17 @@ class Lamp:
     name
         Unique among the lamps of a scene; the name of its light group, too.
     kind
-        ``"point"``, ``"spot"`` (a cone) or ``"sun"`` (parallel light from far away). Scenes that were read may
-        have ``"web"``, too: a measured distribution.
+        ``"point"``, ``"spot"`` (a cone) or ``"sun"`` (parallel light from far away). Scenes that were read
+        may have ``"web"``, too: a measured distribution.
     position
         Where it is, in the scene's unit; a sun has no place.
     direction
         Along which it shines, of any length; a point shines everywhere.
     intensity
-        Of points and spots cd or W/sr, of suns what falls on a surface that faces them, lm/m² (lux) or W/m²; of
-        a measured distribution a factor. One number or linear RGB.
+        Of points and spots cd or W/sr, of suns what falls on a surface that faces them, lm/m² (lux) or W/m²;
+        of a measured distribution a factor. One number or linear RGB.
     inner_angle, outer_angle
-        Of spots, degrees from the axis: all of the intensity up to the inner one, nothing beyond the outer one.
+        Of spots, degrees from the axis: all of the intensity up to the inner one, nothing beyond the outer.
     power
         Power per band in the scene's unit, W or lm; None for suns, which have no end. Not asked for where a
         scene is made.
@@ -127,7 +127,7 @@ class Lamp:
 class LightGroup:
     """Emitters that are dimmed together, see `Solution.relight`."""
 
-    #: Name, unique within a scene: that of the object or lamp, of the material where more than 32 objects emit.
+    #: Name, unique within a scene: that of the object or lamp, of the material where more than 32 emit.
     name: str
     #: One-sided polygons that emit.
     polygons: int
@@ -404,7 +404,8 @@ class Scene:
 
     def __repr__(self) -> str:
         polygons = self.polygons
-        return f"<isolux.Scene '{self.name}': {polygons.fronts} polygons, {len(self.lights) + len(self.lamps)} lights>"
+        lights = len(self.lights) + len(self.lamps)
+        return f"<isolux.Scene '{self.name}': {polygons.fronts} polygons, {lights} lights>"
 
 
 def load(

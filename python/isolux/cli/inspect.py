@@ -25,7 +25,7 @@ def inspect(
     light_units: LightUnitsOption = "spec",
     json: JsonTarget = None,
 ) -> int:
-    """Show what is in a scene: extents, polygons, lights, lamps and their groups, cameras, materials, findings.
+    """Show what is in a scene: extents, polygons, lights and lamps by groups, cameras, materials, findings.
 
     Findings are what the file leaves open or gets wrong, and faults of its geometry: flipped faces, corners
     inside neighbours' edges, polygons that overlap in one plane. Each names its object.
@@ -47,12 +47,13 @@ def inspect(
 def _show(loaded: Scene, scene: Path, findings: list[Issue], json: str | None) -> int:
     if write_json(json, _values(loaded, scene, findings)):
         return 0
+    groups = loaded.light_groups
     show(
         tables.scene(loaded, str(scene)),
         "",
         tables.lights(loaded.lights, loaded.unit) if loaded.lights else "no surface emits",
         *(("", tables.lamps(loaded.lamps, loaded.unit)) if loaded.lamps else ()),
-        *(("", tables.light_groups(loaded.light_groups, loaded.unit)) if loaded.lights or loaded.lamps else ()),
+        *(("", tables.light_groups(groups, loaded.unit)) if groups else ()),
         "",
         tables.materials(loaded.materials, loaded.unit),
         "",

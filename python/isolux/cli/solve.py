@@ -80,7 +80,8 @@ def solve(
         float | None,
         typer.Option(
             metavar="A",
-            help="Smallest element to split, of the whole area.  [default: 1e-8; 1e-9 with lamps that have no surface]",
+            help="Smallest element to split, of the whole area.  "
+            "[default: 1e-8; 1e-9 with lamps that have no surface]",
             rich_help_panel=_WAVEFRONT,
         ),
     ] = None,

@@ -16,7 +16,17 @@ if TYPE_CHECKING:
     from isolux.scene import Lamp, Light, LightGroup, Material, Scene
     from isolux.settings import Settings
 
-__all__ = ["issues", "lamps", "light_groups", "lights", "materials", "power", "relit", "report", "scene"]
+__all__ = [
+    "issues",
+    "lamps",
+    "light_groups",
+    "lights",
+    "materials",
+    "power",
+    "relit",
+    "report",
+    "scene",
+]
 
 
 def scene(scene: Scene, source: str) -> Table:
@@ -68,7 +78,13 @@ def _lamp_power(scene: Scene) -> str:
 
 def lamps(lamps: Sequence[Lamp], unit: Unit) -> Table:
     """Lamps without a surface, their intensity in its unit, and power."""
-    names = [("lamp", "left"), ("kind", "left"), ("intensity", "right"), ("unit", "left"), ("cone, °", "right")]
+    names = [
+        ("lamp", "left"),
+        ("kind", "left"),
+        ("intensity", "right"),
+        ("unit", "left"),
+        ("cone, °", "right"),
+    ]
     names += [("place, m", "left"), ("direction", "left"), (f"power, {unit}", "right")]
     per_angle, per_area = ("cd", "lm/m²") if unit == "lm" else ("W/sr", "W/m²")
     units = {"point": per_angle, "spot": per_angle, "sun": per_area, "web": f"x {per_angle}"}
