@@ -28,6 +28,10 @@ const MANY: usize = 256;
 const FAR_BETTER: f32 = 0.25;
 const STEP: f32 = 16.0;
 
+/// Height over a place's plane at which rays of lamps begin to meet things at the latest, in tolerances: twelve times what
+/// rounding takes.
+const NEAR: f32 = 0.1;
+
 /// Share of the values' range by which a field that fits them well may go beyond it: half of it where it tells all of
 /// their variance (of a linear function places of one diagonal tell 0.56 of the range), nothing below a share told of 0.8.
 /// A line through a step tells 0.75, and would be wrong by a quarter of the step beside it.
@@ -96,7 +100,9 @@ fn aim(packet: &mut Packet, k: usize, place: Vec3, normal: Vec3, lamp: &Lamp, ge
         packet.rays.origin[axis][k] = place[axis];
         packet.rays.direction[axis][k] = direction[axis];
     }
-    packet.rays.near[k] = geometry.tolerance / normal.dot(direction).max(f32::MIN_POSITIVE);
+    // Within this distance what the place lies on is not met; farther along flat rays, but not so far that they pass walls.
+    let own = NEAR * length as f32 / normal.dot(direction).max(f32::MIN_POSITIVE);
+    packet.rays.near[k] = geometry.tolerance * own.max(1.0) / length as f32;
     packet.rays.far[k] = if thrown.distance < reach { 1.0 - geometry.tolerance / length as f32 } else { 1.0 };
     packet.weights[k] = if packet.rays.near[k] < packet.rays.far[k] { 1.0 } else { 0.0 };
     thrown.facing.0.map(|facing| (facing * cosine) as f32 * packet.weights[k])
