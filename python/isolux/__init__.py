@@ -11,7 +11,7 @@ from isolux._isolux import Progress, __version__
 from isolux.exceptions import Cancelled, IsoluxError
 from isolux.photometry import Photometry, read_photometry
 from isolux.report import Issue, Report
-from isolux.scene import Light, LightGroup, Material, Scene, load
+from isolux.scene import Lamp, Light, LightGroup, Material, Scene, load
 from isolux.settings import Settings
 from isolux.solution import Solution, solve
 from isolux.solution import open_solution as open  # noqa: A004
@@ -20,6 +20,7 @@ __all__ = [
     "Cancelled",
     "IsoluxError",
     "Issue",
+    "Lamp",
     "Light",
     "LightGroup",
     "Material",

@@ -28,6 +28,8 @@ __all__ = [
 
 _Bands: TypeAlias = tuple[float, float, float]
 _MaterialTuple: TypeAlias = tuple[str, _Bands, _Bands, bool, float]
+#: Name, kind, place, direction, intensity, angles of a cone.
+_LampTuple: TypeAlias = tuple[str, str, _Bands, _Bands, _Bands, tuple[float, float]]
 _IssueTuple: TypeAlias = tuple[Literal["note", "warning"], str, str, str]
 _Arrays: TypeAlias = dict[str, NDArray[Any]]
 
@@ -75,7 +77,9 @@ class Photometry:
 @final
 class Scene:
     @staticmethod
-    def load(path: Path, metres_per_unit: float | None, emission_scale: float, unit: str) -> Scene: ...
+    def load(
+        path: Path, metres_per_unit: float | None, emission_scale: float, unit: str, light_units: str
+    ) -> Scene: ...
     @staticmethod
     def from_arrays(
         name: str,
@@ -87,6 +91,7 @@ class Scene:
         face_objects: NDArray[np.int64],
         metres_per_unit: float,
         unit: str,
+        lamps: list[_LampTuple],
     ) -> Scene: ...
     def check(self) -> None: ...
     @property
@@ -111,11 +116,15 @@ class Scene:
     @property
     def lights(self) -> list[tuple[str, str, int, float, _Bands]]: ...
     @property
+    def lamps(self) -> list[tuple[_LampTuple, _Bands | None]]: ...
+    @property
+    def lamp_power(self) -> _Bands: ...
+    @property
     def polygons(self) -> dict[str, int]: ...
     @property
     def light_groups(
         self,
-    ) -> tuple[Literal["object", "material", "all"], list[tuple[str, int, float, _Bands]]]: ...
+    ) -> tuple[Literal["object", "material", "all"], list[tuple[str, int, float, _Bands, int]]]: ...
     @property
     def emitted_power(self) -> _Bands: ...
     @property
@@ -134,7 +143,7 @@ class Solution:
     @property
     def report(self) -> str: ...
     @property
-    def light_groups(self) -> list[tuple[str, int, float, _Bands, _Bands]]: ...
+    def light_groups(self) -> list[tuple[str, int, float, _Bands, int, _Bands]]: ...
     def relight(
         self, weights: list[tuple[str, _Bands]], reflectance: list[tuple[str, _Bands]], threads: int
     ) -> Solution: ...

@@ -177,8 +177,10 @@ class GroupReport:
     polygons: int
     #: Their area, m².
     area: float
-    #: Emitted power per band, in the report's unit.
+    #: Emitted power per band, in the report's unit; of suns nothing is counted.
     power: Bands
+    #: Lamps without a surface.
+    lamps: int = 0
 
 
 @dataclasses.dataclass(frozen=True)

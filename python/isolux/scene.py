@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, cast
 
 import numpy as np
 
@@ -20,7 +20,10 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Light", "LightGroup", "Material", "Polygons", "Scene", "load"]
+__all__ = ["Lamp", "Light", "LightGroup", "LightUnits", "Material", "Polygons", "Scene", "load"]
+
+#: What intensities of lamps without a surface mean in a file, see `load`.
+LightUnits: TypeAlias = Literal["spec", "unitless", "blender"]
 
 #: What the extension reads itself; other suffixes are left to trimesh.
 OWN_SUFFIXES = (".glb", ".gltf", ".obj")
@@ -87,17 +90,54 @@ class Light:
 
 
 @dataclasses.dataclass(frozen=True)
+class Lamp:
+    """A lamp without a surface, which no ray can meet: a point, a spot, or parallel light.
+
+    Parameters
+    ----------
+    name
+        Unique among the lamps of a scene; the name of its light group, too.
+    kind
+        ``"point"``, ``"spot"`` (a cone) or ``"sun"`` (parallel light from far away). Scenes that were read
+        may have ``"web"``, too: a measured distribution.
+    position
+        Where it is, in the scene's unit; a sun has no place.
+    direction
+        Along which it shines, of any length; a point shines everywhere.
+    intensity
+        Of points and spots cd or W/sr, of suns what falls on a surface that faces them, lm/m² (lux) or W/m²;
+        of a measured distribution a factor. One number or linear RGB.
+    inner_angle, outer_angle
+        Of spots, degrees from the axis: all of the intensity up to the inner one, nothing beyond the outer.
+    power
+        Power per band in the scene's unit, W or lm; None for suns, which have no end. Not asked for where a
+        scene is made.
+    """
+
+    name: str
+    kind: Literal["point", "spot", "sun", "web"] = "point"
+    position: Sequence[float] = (0.0, 0.0, 0.0)
+    direction: Sequence[float] = (0.0, -1.0, 0.0)
+    intensity: float | Sequence[float] = 1.0
+    inner_angle: float = 0.0
+    outer_angle: float = 45.0
+    power: Bands | None = None
+
+
+@dataclasses.dataclass(frozen=True)
 class LightGroup:
     """Emitters that are dimmed together, see `Solution.relight`."""
 
-    #: Name, unique within a scene: that of the object, of the material where more than 32 objects emit.
+    #: Name, unique within a scene: that of the object or lamp, of the material where more than 32 emit.
     name: str
     #: One-sided polygons that emit.
     polygons: int
     #: Their area, m².
     area: float
-    #: Emitted power per band as it was solved, in `unit`.
+    #: Emitted power per band as it was solved, in `unit`; of suns nothing is counted.
     power: Bands
+    #: Lamps without a surface.
+    lamps: int = 0
     #: Factor on the emission per band.
     weight: Bands = (1.0, 1.0, 1.0)
     unit: Unit = "lm"
@@ -154,6 +194,7 @@ class Scene:
         *,
         face_materials: ArrayLike | None = None,
         face_objects: ArrayLike | None = None,
+        lamps: Sequence[Lamp] = (),
         metres_per_unit: float = 1.0,
         unit: Unit = "lm",
         name: str = "arrays",
@@ -176,6 +217,8 @@ class Scene:
             (m,) index into `materials`; may be left out where there is one material.
         face_objects
             (m,) index into `names`.
+        lamps
+            Lamps without a surface, in the unit of `vertices`; schedule ``"wavefront"`` alone knows them.
         metres_per_unit
             Length of the unit of `vertices`, metres.
         unit
@@ -232,6 +275,7 @@ class Scene:
                 face_objects=object_rows,
                 metres_per_unit=float(metres_per_unit),
                 unit=str(unit),
+                lamps=[_lamp(entry, row) for row, entry in enumerate(lamps)],
             )
         )
 
@@ -293,6 +337,19 @@ class Scene:
         return [Light(*entry, self.unit) for entry in self._inner.lights]
 
     @property
+    def lamps(self) -> list[Lamp]:
+        """Lamps without a surface, in file order, with their power; metres."""
+        return [
+            Lamp(name, cast("Any", kind), position, direction, intensity, inner, outer, power)
+            for (name, kind, position, direction, intensity, (inner, outer)), power in self._inner.lamps
+        ]
+
+    @property
+    def lamp_power(self) -> Bands:
+        """Power of all lamps without a surface per band, in `unit`; of suns nothing is counted."""
+        return self._inner.lamp_power
+
+    @property
     def light_groups(self) -> list[LightGroup]:
         """Emitters that a solution can dim: by object; more than 32 objects by material; beyond that, all."""
         _, groups = self._inner.light_groups
@@ -311,7 +368,7 @@ class Scene:
 
     @property
     def emitted_power(self) -> Bands:
-        """Emitted power of all lights per band, in `unit`."""
+        """Emitted power of all surfaces per band, in `unit`."""
         return self._inner.emitted_power
 
     @property
@@ -348,7 +405,8 @@ class Scene:
 
     def __repr__(self) -> str:
         polygons = self.polygons
-        return f"<isolux.Scene '{self.name}': {polygons.fronts} polygons, {len(self.lights)} lights>"
+        lights = len(self.lights) + len(self.lamps)
+        return f"<isolux.Scene '{self.name}': {polygons.fronts} polygons, {lights} lights>"
 
 
 def load(
@@ -357,6 +415,7 @@ def load(
     metres_per_unit: float | None = None,
     emission_scale: float = 1.0,
     unit: Unit = "lm",
+    light_units: LightUnits = "spec",
 ) -> Scene:
     """Read a scene from a file.
 
@@ -373,6 +432,10 @@ def load(
     unit
         What the file counts power in: ``"lm"``, as glTF prescribes, or ``"W"``. Nothing is converted: it is
         recorded in every result.
+    light_units
+        What the intensities of `KHR_lights_punctual` mean, as Blender's exporter offers them: ``"spec"``,
+        candela and lux; ``"unitless"``, W/sr and W/m², times 683 lm/W; ``"blender"``, watts of all
+        directions and W/m², times 683 lm/W (by 4 pi for points and spots).
 
     Raises
     ------
@@ -390,7 +453,9 @@ def load(
     if suffix in PHOTOMETRIC_SUFFIXES:
         raise ReadError(f"{path}: this is a luminaire, not a scene; isolux.read_photometry reads it")
     if suffix in OWN_SUFFIXES or not path.is_file():
-        return Scene._wrap(_isolux.Scene.load(path, metres_per_unit, float(emission_scale), str(unit)))
+        return Scene._wrap(
+            _isolux.Scene.load(path, metres_per_unit, float(emission_scale), str(unit), str(light_units))
+        )
     from isolux.io import other_meshes  # noqa: PLC0415
 
     return other_meshes.load(path, 1.0 if metres_per_unit is None else metres_per_unit, unit)
@@ -412,6 +477,31 @@ def _material(entry: Material | Mapping[str, Any], row: int) -> tuple[str, Bands
         bool(entry.two_sided),
         float(entry.opacity),
     )
+
+
+def _lamp(
+    entry: Lamp, row: int
+) -> tuple[str, str, tuple[float, float, float], tuple[float, float, float], Bands, tuple[float, float]]:
+    """As the extension takes it."""
+    if not isinstance(entry, Lamp):
+        raise TypeError(f"lamps[{row}] is a {type(entry).__name__}: expected isolux.Lamp")
+    return (
+        str(entry.name),
+        str(entry.kind),
+        _vector(f"lamps[{row}].position", entry.position),
+        _vector(f"lamps[{row}].direction", entry.direction),
+        _bands(f"lamps[{row}].intensity", entry.intensity),
+        (float(entry.inner_angle), float(entry.outer_angle)),
+    )
+
+
+def _vector(name: str, value: Sequence[float]) -> tuple[float, float, float]:
+    """Three numbers."""
+    array = floats(name, value)
+    if array.shape != (3,):
+        raise ValueError(f"{name}: expected three numbers, got shape {array.shape}")
+    x, y, z = array.tolist()
+    return x, y, z
 
 
 def _bands(name: str, value: float | Sequence[float]) -> Bands:

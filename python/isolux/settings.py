@@ -42,7 +42,8 @@ class Settings:
     max_elements
         Stop before there are more elements than this (status ``"bounded"``).
     min_area
-        Elements below this share of the scene's area are not split; None stands for 1e-8.
+        Elements below this share of the scene's area are not split; None stands for 1e-8, and for 1e-9 in
+        scenes with lamps that have no surface.
     memory
         Stop before the solve takes more memory than this, bytes (status ``"bounded"``); 4 GiB unless given.
     time

@@ -47,7 +47,9 @@ impl PythonError for FacadeSettingsError {
     fn exception(self) -> PyErr {
         let message = self.to_string();
         match self {
-            FacadeSettingsError::Value { .. } | FacadeSettingsError::Schedule { .. } => SettingsError::new_err(message),
+            FacadeSettingsError::Value { .. }
+            | FacadeSettingsError::Schedule { .. }
+            | FacadeSettingsError::Lamps { .. } => SettingsError::new_err(message),
         }
     }
 }
@@ -211,6 +213,7 @@ pub(crate) fn error_samples(py: Python<'_>) -> PyResult<Bound<'_, PyList>> {
             "SettingsError::Schedule",
             FacadeSettingsError::Schedule { name: "rays", value: "256".into(), schedule: "sequential" }.exception(),
         ),
+        ("SettingsError::Lamps", FacadeSettingsError::Lamps { lamp: "sun".into(), schedule: "sequential" }.exception()),
         ("SceneError::Empty", CoreSceneError::Empty { dropped: 2, invisible: 1 }.exception()),
         ("SceneError::NotFinite", CoreSceneError::NotFinite { object: object(), face: 3 }.exception()),
         ("SceneError::CornerCount", CoreSceneError::CornerCount { object: object(), face: 3, corners: 5 }.exception()),

@@ -5,10 +5,10 @@ use crate::error::{SceneError, internal, to_python};
 use crate::waiting::interruptible;
 use isolux::core::DVec3;
 use isolux::core::scene::{
-    Alpha, BuildOptions, Face, Issue, Material, Object, Scene as CoreScene, SceneInput, Surface,
+    Alpha, BuildOptions, Face, Issue, Lamp, LampShape, Material, Object, Scene as CoreScene, SceneInput, Surface,
 };
 use isolux::core::units::{Rgb, Unit};
-use isolux::formats::read::{ReadOptions, read};
+use isolux::formats::read::{LightUnits, ReadOptions, read};
 use numpy::PyReadonlyArrayDyn;
 use numpy::prelude::*;
 use pyo3::exceptions::PyValueError;
@@ -41,6 +41,9 @@ impl Scene {
 /// Name, reflectance, emission, two-sided, opacity.
 type MaterialTuple = (String, Triple, Triple, bool, f64);
 
+/// Name, kind, place, direction, intensity per band, inner and outer angle of a cone in degrees.
+type LampTuple = (String, String, Triple, Triple, Triple, (f64, f64));
+
 /// Severity, kind, object, message.
 type IssueTuple = (String, String, String, String);
 
@@ -49,7 +52,7 @@ type Triple = (f64, f64, f64);
 
 #[pymethods]
 impl Scene {
-    /// A scene from a file: glTF or OBJ. `unit` is "lm" or "W".
+    /// A scene from a file: glTF or OBJ. `unit` is "lm" or "W"; `light_units` is "spec", "unitless" or "blender".
     #[staticmethod]
     fn load(
         py: Python<'_>,
@@ -57,8 +60,12 @@ impl Scene {
         metres_per_unit: Option<f64>,
         emission_scale: f64,
         unit: &str,
+        light_units: &str,
     ) -> PyResult<Scene> {
-        let options = ReadOptions { metres_per_unit, emission_scale, unit: unit_of(unit)? };
+        let light_units = LightUnits::from_name(light_units).ok_or_else(|| {
+            PyValueError::new_err(format!("light_units is '{light_units}': expected 'spec', 'unitless' or 'blender'"))
+        })?;
+        let options = ReadOptions { metres_per_unit, emission_scale, light_units, unit: unit_of(unit)? };
         let file = path.clone();
         let input = interruptible(py, move || read(&file, &options))?.map_err(to_python)?;
         let scene = interruptible(py, || CoreScene::build(input, &BuildOptions::default()))?
@@ -68,7 +75,7 @@ impl Scene {
 
     /// A scene from arrays. A row of `faces` with -1 in its fourth column is a triangle.
     #[staticmethod]
-    #[pyo3(signature = (name, vertices, faces, materials, face_materials, names, face_objects, metres_per_unit, unit))]
+    #[pyo3(signature = (name, vertices, faces, materials, face_materials, names, face_objects, metres_per_unit, unit, lamps))]
     #[expect(clippy::too_many_arguments, reason = "one argument per array; Python passes them by name")]
     fn from_arrays(
         py: Python<'_>,
@@ -81,6 +88,7 @@ impl Scene {
         face_objects: PyReadonlyArrayDyn<'_, i64>,
         metres_per_unit: f64,
         unit: &str,
+        lamps: Vec<LampTuple>,
     ) -> PyResult<Scene> {
         let vertices: Vec<DVec3> = rows::<f64, 3>("vertices", &vertices)?.into_iter().map(DVec3::from_array).collect();
         let faces: Vec<Vec<i64>> = match faces.shape() {
@@ -112,6 +120,7 @@ impl Scene {
             let corners = corners.iter().map(corner).collect::<PyResult<Vec<DVec3>>>()?;
             input.faces.push(Face { object, material, corners, uv: None, surface: None });
         }
+        input.lamps = lamps.into_iter().map(lamp_of).collect::<PyResult<Vec<Lamp>>>()?;
         input.objects = names.into_iter().map(|name| Object { name }).collect();
         input.materials = materials
             .into_iter()
@@ -228,16 +237,41 @@ impl Scene {
         lights.into_iter().map(names).collect()
     }
 
-    /// What light groups are made of, and each: name, polygons, area, power per band.
+    /// Lamps without a surface, in file order; and the power of each per band, of suns none. Of measured distributions the
+    /// kind is "web".
     #[getter]
-    fn light_groups(&self) -> (&'static str, Vec<(String, u64, f64, Triple)>) {
+    fn lamps(&self) -> Vec<(LampTuple, Option<Triple>)> {
+        let tuple = |lamp: &Lamp| {
+            let (kind, angles) = match &lamp.shape {
+                LampShape::Point => ("point", (0.0, 0.0)),
+                LampShape::Spot { inner, outer } => ("spot", (inner.to_degrees(), outer.to_degrees())),
+                LampShape::Parallel => ("sun", (0.0, 0.0)),
+                LampShape::Web(_) => ("web", (0.0, 0.0)),
+            };
+            let (position, direction) = (lamp.position.into(), lamp.forward.into());
+            let power = lamp.power().map(|power| power.0.into());
+            ((lamp.name.clone(), kind.to_owned(), position, direction, lamp.intensity.0.into(), angles), power)
+        };
+        self.inner.lamps.iter().map(tuple).collect()
+    }
+
+    /// Power of all lamps without a surface per band, W or lm; of suns nothing is counted.
+    #[getter]
+    fn lamp_power(&self) -> Triple {
+        self.inner.lamp_power().0.into()
+    }
+
+    /// What light groups are made of, and each: name, polygons, area, power per band, lamps.
+    #[getter]
+    fn light_groups(&self) -> (&'static str, Vec<(String, u64, f64, Triple, u64)>) {
         let found = isolux::light_groups(&self.inner);
         let by = match found.by {
             isolux::GroupedBy::Object => "object",
             isolux::GroupedBy::Material => "material",
             isolux::GroupedBy::All => "all",
         };
-        let tuple = |group: isolux::LightGroup| (group.name, group.polygons, group.area, group.power.0.into());
+        let tuple =
+            |group: isolux::LightGroup| (group.name, group.polygons, group.area, group.power.0.into(), group.lamps);
         (by, found.groups.into_iter().map(tuple).collect())
     }
 
@@ -277,6 +311,23 @@ impl Scene {
         counts.set_item("dropped_triangles", dropped)?;
         Ok(counts)
     }
+}
+
+/// A lamp as Python describes it.
+fn lamp_of((name, kind, position, direction, intensity, (inner, outer)): LampTuple) -> PyResult<Lamp> {
+    let shape = match kind.as_str() {
+        "point" => LampShape::Point,
+        "spot" => LampShape::Spot { inner: inner.to_radians(), outer: outer.to_radians() },
+        "sun" => LampShape::Parallel,
+        _ => {
+            let message = format!("lamp '{name}': kind is '{kind}': expected 'point', 'spot' or 'sun'");
+            return Err(PyValueError::new_err(message));
+        }
+    };
+    let (position, forward) = (DVec3::from(position), DVec3::from(direction));
+    // Nothing of these depends on how they are turned about their axis.
+    let side = forward.try_normalize().map_or(DVec3::X, |forward| forward.any_orthonormal_vector());
+    Ok(Lamp { name, position, forward, side, intensity: Rgb(intensity.into()), shape })
 }
 
 /// A unit of power by its name.

@@ -23,7 +23,7 @@ use std::sync::Arc;
 const BARYCENTRIC_TOLERANCE: f64 = 1e-5;
 
 /// Name, polygons, area, power and weight of a light group.
-type GroupTuple = (String, u64, f64, (f64, f64, f64), (f64, f64, f64));
+type GroupTuple = (String, u64, f64, (f64, f64, f64), u64, (f64, f64, f64));
 
 /// A solved scene.
 #[pyclass(frozen, module = "isolux._isolux")]

@@ -6,8 +6,8 @@ mod inputs;
 
 use inputs::{Make, built, empty, grey, plain, v, with_uv};
 use isolux_core::scene::{
-    Alpha, AlphaMask, BuildOptions, Camera, Corners, Image, Issue, IssueKind, Material, Object, Projection, Scene,
-    SceneError, SceneInput, Severity, Side, Surface, Texture, Wrap,
+    Alpha, AlphaMask, BuildOptions, Camera, Corners, Image, Issue, IssueKind, Lamp, LampShape, Material, Object,
+    Projection, Scene, SceneError, SceneInput, Severity, Side, Surface, Texture, Web, Wrap,
 };
 use isolux_core::units::{Rgb, Unit};
 use isolux_core::{DVec2, DVec3};
@@ -470,6 +470,72 @@ fn scenes_without_light_are_said() {
     assert!(issues_of(&built(input.clone()), IssueKind::NoLight).is_empty());
     input.materials[0].surface.emission = Rgb::ZERO;
     assert_eq!(issues_of(&built(input), IssueKind::NoLight).len(), 1);
+}
+
+fn lamp(name: &str, shape: LampShape) -> Lamp {
+    let (position, forward, side) = (v(1.0, 2.0, 3.0), v(0.0, -2.0, 0.0), v(3.0, 1.0, 0.0));
+    Lamp { name: name.into(), position, forward, side, intensity: Rgb::splat(100.0), shape }
+}
+
+fn with_lamps(lamps: Vec<Lamp>) -> SceneInput {
+    let mut input = plain();
+    input.face(0, 0, &square());
+    input.materials[0].surface.emission = Rgb::ZERO;
+    SceneInput { lamps, metres_per_unit: 0.5, ..input }
+}
+
+/// Catches lamps that keep the file's unit or vectors of any length, equal names, and a scene lit by lamps that is called dark;
+/// a scene whose lamps differ must not have the hash of another.
+#[test]
+fn lamps_are_admitted() {
+    let scene = built(with_lamps(vec![lamp("bulb", LampShape::Point), lamp("bulb", LampShape::Parallel)]));
+    assert!(issues_of(&scene, IssueKind::NoLight).is_empty());
+    let [bulb, sun] = &scene.lamps[..] else { panic!("{:?}", scene.lamps) };
+    assert_ne!(bulb.name, sun.name);
+    assert_eq!((bulb.position, bulb.forward, bulb.side), (v(0.5, 1.0, 1.5), v(0.0, -1.0, 0.0), v(1.0, 0.0, 0.0)));
+    assert_eq!(bulb.intensity, Rgb::splat(100.0));
+    assert_eq!(scene.lamp_power(), Rgb::splat(400.0 * std::f64::consts::PI));
+    assert_eq!(scene.emitted_power(), Rgb::ZERO);
+    let other = built(with_lamps(vec![lamp("bulb", LampShape::Point)]));
+    assert_ne!(scene.hash, other.hash);
+    assert_ne!(other.hash, built(with_lamps(vec![])).hash);
+}
+
+/// Catches lamps that would make the light not a number, or that throw nothing and are dropped in silence.
+#[test]
+fn lamps_that_make_no_sense_are_refused_or_said() {
+    let refused = |change: &dyn Fn(&mut Lamp)| {
+        let mut odd = lamp("odd", LampShape::Point);
+        change(&mut odd);
+        let message = build(with_lamps(vec![odd])).unwrap_err().to_string();
+        assert!(message.starts_with("lamp 'odd': "), "{message}");
+        message
+    };
+    assert!(refused(&|odd| odd.forward = DVec3::ZERO).contains("direction"));
+    assert!(refused(&|odd| odd.position.x = f64::NAN).contains("finite"));
+    assert!(refused(&|odd| odd.intensity = Rgb([f64::INFINITY, 0.0, 0.0])).contains("finite"));
+    for (inner, outer) in [(0.5, 0.4), (-0.1, 0.4), (0.1, 1.7), (f64::NAN, 0.4)] {
+        assert!(refused(&|odd| odd.shape = LampShape::Spot { inner, outer }).contains("cone"));
+    }
+    let web = |polar: &[f64], around: &[f64], intensity: &[f64]| {
+        LampShape::Web(Web { polar: polar.into(), around: around.into(), intensity: intensity.into() })
+    };
+    for table in [
+        web(&[0.0], &[0.0], &[1.0]),
+        web(&[0.0, 90.0], &[0.0], &[1.0]),
+        web(&[90.0, 0.0], &[0.0], &[1.0, 1.0]),
+        web(&[0.0, 181.0], &[0.0], &[1.0, 1.0]),
+        web(&[0.0, 90.0], &[0.0, 180.0], &[1.0; 4]),
+        web(&[0.0, 90.0], &[0.0], &[1.0, -1.0]),
+    ] {
+        assert!(refused(&|odd| odd.shape = table.clone()).contains("table"), "{table:?}");
+    }
+    let dark = Lamp { intensity: Rgb([0.0, -1.0, 0.0]), ..lamp("dark", LampShape::Point) };
+    let scene = built(with_lamps(vec![dark]));
+    assert!(scene.lamps.is_empty());
+    let said = |kind| issues_of(&scene, kind).iter().any(|issue| issue.object == "dark");
+    assert!(said(IssueKind::Ignored) && said(IssueKind::NegativeValue));
+    assert_eq!(issues_of(&scene, IssueKind::NoLight).len(), 1);
 }
 
 /// Catches what a reader found and said being lost.

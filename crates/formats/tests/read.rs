@@ -5,9 +5,11 @@
 
 use glam::{DVec2, DVec3};
 use image::{Rgba, RgbaImage};
-use isolux_core::scene::{Alpha, Face, Issue, IssueKind, Projection, SceneInput, Severity, Wrap};
+use isolux_core::scene::{
+    Alpha, BuildOptions, Face, Issue, IssueKind, LampShape, Projection, Scene, SceneInput, Severity, Wrap,
+};
 use isolux_core::units::Rgb;
-use isolux_formats::read::{MAX_FACES, ReadError, ReadOptions, read};
+use isolux_formats::read::{LightUnits, MAX_FACES, ReadError, ReadOptions, read};
 use proptest::prelude::*;
 use serde_json::{Value, json};
 use std::f64::consts::PI;
@@ -387,7 +389,7 @@ fn without_scenes_all_roots_are_read() {
     assert_eq!(names, ["root", "child", "other"]);
 }
 
-/// Catches cameras in mesh space, or looking the wrong way; lights, skins and animations dropped in silence.
+/// Catches cameras in mesh space, or looking the wrong way; skins and animations dropped in silence.
 #[test]
 fn cameras_are_read_and_what_is_not_read_is_said() {
     let mut glb = Glb::triangle(json!({}));
@@ -415,7 +417,7 @@ fn cameras_are_read_and_what_is_not_read_is_said() {
     near(eye.up, [0.0, 1.0, 0.0]);
     assert_eq!(scene.cameras[1].projection, Projection::Orthographic { height: 4.0 });
     assert_eq!(scene.cameras[1].name, "plan");
-    assert_eq!(find(&scene, IssueKind::Ignored, "lamp", "spot light").severity, Severity::Warning);
+    assert_eq!(scene.lamps.len(), 1);
     find(&scene, IssueKind::Ignored, "tri", "skin");
     find(&scene, IssueKind::Ignored, "tri", "morph");
     find(&scene, IssueKind::Ignored, &glb_path(&scene), "1 animations");
@@ -917,6 +919,88 @@ fn everything() -> Glb {
     let node = glb.push("nodes", json!({"mesh": mesh, "extensions": {"KHR_lights_punctual": {"light": 0}}}));
     glb.json["scenes"][0]["nodes"] = json!([0, node]);
     glb
+}
+
+/// A triangle with one lamp of each kind below turned and scaled nodes.
+fn with_lamps() -> Glb {
+    let mut glb = Glb::triangle(json!({}));
+    let half = std::f64::consts::FRAC_1_SQRT_2;
+    glb.json["nodes"] = json!([
+        {"name": "tri", "mesh": 0, "children": [1, 3]},
+        {"name": "arm", "translation": [1, 2, 3], "scale": [2, 2, 2], "rotation": [-half, 0, 0, half], "children": [2]},
+        {"name": "bulb", "translation": [0, 0, 1], "extensions": {"KHR_lights_punctual": {"light": 0}}},
+        {"rotation": [0, half, 0, half], "children": [4, 5, 6]},
+        {"name": "bulb", "extensions": {"KHR_lights_punctual": {"light": 1}}},
+        {"extensions": {"KHR_lights_punctual": {"light": 2}}},
+        {"name": "odd", "extensions": {"KHR_lights_punctual": {"light": 3}}},
+    ]);
+    glb.json["extensions"] = json!({"KHR_lights_punctual": {"lights": [
+        {"type": "spot", "color": [1, 0.5, 0], "intensity": 40, "range": 5,
+            "spot": {"innerConeAngle": 0.2, "outerConeAngle": 0.7}},
+        {"type": "point"},
+        {"type": "directional", "name": "sun", "intensity": 3},
+        {"type": "laser"},
+    ]}});
+    glb.json["extensionsUsed"] = json!(["KHR_lights_punctual"]);
+    glb
+}
+
+/// Catches lamps in their node's space, or shining along another axis than -z; wrong defaults; names that collide; a kind that
+/// there is none of, or a range, dropped in silence.
+#[test]
+fn lamps_are_read() {
+    let scene = with_lamps().scene();
+    let [spot, point, sun] = &scene.lamps[..] else { panic!("{:?}", scene.lamps) };
+    assert_eq!([&spot.name, &point.name, &sun.name].map(String::as_str), ["bulb", "bulb#2", "sun"]);
+    // Twice the step along z, which the arm turns to y.
+    near(spot.position, [1.0, 4.0, 3.0]);
+    near(spot.forward, [0.0, -1.0, 0.0]);
+    assert_eq!(spot.intensity, Rgb([40.0, 20.0, 0.0]));
+    let LampShape::Spot { inner, outer } = spot.shape else { panic!("{:?}", spot.shape) };
+    assert!((inner - 0.2).abs() < 1e-7 && (outer - 0.7).abs() < 1e-7);
+    assert_eq!((&point.shape, point.intensity), (&LampShape::Point, Rgb::splat(1.0)));
+    assert_eq!((&sun.shape, sun.intensity), (&LampShape::Parallel, Rgb::splat(3.0)));
+    near(sun.forward, [-1.0, 0.0, 0.0]);
+    find(&scene, IssueKind::Ignored, "bulb", "range");
+    assert_eq!(find(&scene, IssueKind::Ignored, "odd", "type").severity, Severity::Warning);
+}
+
+/// Catches a spot without angles that is no cone of 45 degrees, and one without a rim that cannot be built.
+#[test]
+fn cones_have_defaults() {
+    for (spot, wanted) in [
+        (json!({}), (0.0, std::f64::consts::FRAC_PI_4)),
+        (json!({"innerConeAngle": 0.5, "outerConeAngle": 0.5}), (0.4995, 0.5)),
+    ] {
+        let mut glb = with_lamps();
+        glb.json["extensions"]["KHR_lights_punctual"]["lights"][0]["spot"] = spot;
+        let input = glb.scene();
+        let LampShape::Spot { inner, outer } = input.lamps[0].shape else { panic!("{:?}", input.lamps[0]) };
+        // Angles are in single precision.
+        assert!((inner - wanted.0).abs() < 1e-6 && (outer - wanted.1).abs() < 1e-6, "{inner} {outer}");
+        Scene::build(input, &BuildOptions::default()).unwrap();
+    }
+}
+
+/// Catches factors between units: by Blender's convention 1 W is 683 lm, in all directions alike.
+#[test]
+fn light_units_are_as_blender_exports_them() {
+    let intensities = |light_units: LightUnits| {
+        let options = ReadOptions { light_units, ..ReadOptions::default() };
+        let scene = read(&Folder::new().write("room.glb", with_lamps().bytes()), &options).unwrap();
+        [1, 2].map(|lamp: usize| scene.lamps[lamp].intensity[0])
+    };
+    let per_watt = 683.0;
+    for (units, wanted) in [
+        (LightUnits::Spec, [1.0, 3.0]),
+        (LightUnits::Unitless, [per_watt, 3.0 * per_watt]),
+        (LightUnits::Blender, [per_watt / (4.0 * PI), 3.0 * per_watt]),
+    ] {
+        let found = intensities(units);
+        assert!((0..2).all(|k| (found[k] / wanted[k] - 1.0).abs() < 1e-12), "{units:?} {found:?}");
+    }
+    assert_eq!(LightUnits::from_name("blender"), Some(LightUnits::Blender));
+    assert_eq!(LightUnits::from_name("lumen"), None);
 }
 
 /// All numbers of a JSON text, to be changed.

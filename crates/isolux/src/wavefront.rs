@@ -87,7 +87,7 @@ pub(crate) fn solve(
     let request = Request {
         error: settings.error,
         dark: settings.dark,
-        least_area: settings.least_area(),
+        least_area: settings.least_area(&scene),
         seed: settings.seed,
         max_elements: settings.max_elements,
         memory: settings.memory,
@@ -107,7 +107,7 @@ pub(crate) fn solve(
     let transport = Transported { fields, links, clusters, limit, columns: OnceLock::new() };
     let LightGroups { by, groups, .. } = light_groups(&scene);
     let mut report = Report {
-        area_epsilon: settings.least_area() * scene.area(),
+        area_epsilon: settings.least_area(&scene) * scene.area(),
         error_estimate: estimate.map(|estimate| ErrorEstimate { total: estimate.total, dark: Some(estimate.dark) }),
         bound: bound.map(str::to_owned),
         clusters: transport.clusters.parent.len() as u64,

@@ -5,12 +5,14 @@
 mod common;
 
 use common::inputs::{Make, empty, grey, v};
-use common::{difference, draft, irradiances, points, scene, solved};
+use common::{difference, draft, irradiances, paper, points, scene, solved};
 use isolux::core::DVec3;
+use isolux::core::sampling::Stream;
 use isolux::core::scene::{Lamp, LampShape, Scene, SceneInput};
+use isolux::core::solution::Unobserved;
 use isolux::core::units::Rgb;
-use isolux::{Settings, Solution, Status};
-use std::sync::Arc;
+use isolux::{Changes, NO_GROUP, Settings, Solution, Status, light_groups, solve};
+use isolux_wavefront::FinalGather;
 
 fn asked(error: f64) -> Settings {
     Settings { error, ..draft() }
@@ -56,36 +58,24 @@ fn claimed(solution: &Solution) -> f64 {
     solution.report().error_estimate.unwrap().total
 }
 
-fn told(what: &str, solution: &Solution, off: f64) {
-    let report = solution.report();
-    println!(
-        "{what}: off {off:.5}, claims {:.5}, {:?}, {} leaves, {:.2} s {:?}",
-        claimed(solution),
-        report.status,
-        report.leaves,
-        report.phases.iter().map(|phase| phase.seconds).sum::<f64>(),
-        report.energy.map(|energy| energy.imbalance)
-    );
+/// Claims and truths within a factor of two, or a claim below a tenth of what was asked.
+fn is_honest(solution: &Solution, off: f64) -> bool {
+    let claimed = claimed(solution);
+    (off <= 2.0 * claimed && claimed <= 2.0 * off) || claimed.max(off) < 0.1 * solution.report().settings.error
 }
 
+fn down() -> DVec3 {
+    v(0.2, -1.0, 0.1).normalize()
+}
+
+/// Catches a wrong square, cosine, cone or sign; edges of cones that leaves do not see: an open floor has what formulas say.
 #[test]
 fn a_floor_gets_what_the_formula_says() {
+    let cone = |inner| LampShape::Spot { inner, outer: 0.6 };
     let lamps = [
         point("bulb", v(0.3, 1.0, 0.2), 100.0),
-        lamp(
-            "spot",
-            v(0.3, 1.5, 0.2),
-            v(0.2, -1.0, 0.1).normalize(),
-            100.0,
-            LampShape::Spot { inner: 0.3, outer: 0.6 },
-        ),
-        lamp(
-            "hard",
-            v(0.3, 1.5, 0.2),
-            v(0.2, -1.0, 0.1).normalize(),
-            100.0,
-            LampShape::Spot { inner: 0.5999, outer: 0.6 },
-        ),
+        lamp("spot", v(0.3, 1.5, 0.2), down(), 100.0, cone(0.3)),
+        lamp("spot without a rim", v(0.3, 1.5, 0.2), down(), 100.0, cone(0.5999)),
         sun(v(0.3, -1.0, 0.4).normalize(), 100.0),
     ];
     for lamp in lamps {
@@ -93,64 +83,66 @@ fn a_floor_gets_what_the_formula_says() {
         let scene = scene(SceneInput { lamps: vec![lamp], ..floor() });
         for error in [0.05, 0.01] {
             let solution = solved(&scene, &asked(error));
+            assert_eq!(solution.report().status, Status::Converged, "{name}");
+            // Edges of light are thin: fewer points miss them.
             let at = points(&scene, 400_000, 3);
             let exact: Vec<f64> = places(&scene, &at).into_iter().map(|place| formula(&scene, place)).collect();
             let off = difference(&exact, &irradiances(&solution, &at));
-            told(&name, &solution, off);
+            assert!(off <= error, "{name}: {off} of {error}, claimed {}", claimed(&solution));
+            assert!(is_honest(&solution, off), "{name}: {off}, claimed {}", claimed(&solution));
         }
     }
 }
 
+/// Catches light inside a shadow, shadows of the wrong size, and claims that forget edges: a plate halfway between a lamp and a
+/// floor throws a shadow of twice its size, under the zenith one of its own.
 #[test]
 fn a_plate_throws_a_shadow() {
-    for (lamp, is_sun) in [(point("bulb", v(0.0, 1.0, 0.0), 100.0), false), (sun(DVec3::NEG_Y, 100.0), true)] {
+    for (lamp, half) in [(point("bulb", v(0.0, 1.0, 0.0), 100.0), 0.66), (sun(DVec3::NEG_Y, 100.0), 0.33)] {
         let mut input = floor();
-        let plate = input.object("plate");
-        let black = input.material("black", grey(0.0, 0.0));
-        let y = 0.5;
-        input.face(plate, black, &[v(-0.33, y, -0.33), v(-0.33, y, 0.33), v(0.33, y, 0.33), v(0.33, y, -0.33)]);
+        let (plate, black) = (input.object("plate"), input.material("black", grey(0.0, 0.0)));
+        let (y, own) = (0.5, 0.33);
+        input.face(plate, black, &[v(-own, y, -own), v(-own, y, own), v(own, y, own), v(own, y, -own)]);
         input.lamps.push(lamp);
         let scene = scene(input);
-        let half = if is_sun { 0.33 } else { 0.66 };
+        let distance = |place: DVec3| place.x.abs().max(place.z.abs());
         for error in [0.05, 0.01] {
             let solution = solved(&scene, &asked(error));
             let at = points(&scene, 400_000, 3);
-            let at_places = places(&scene, &at);
-            let exact: Vec<f64> = at_places
-                .iter()
-                .map(|&(place, normal)| {
-                    let hidden = place.y == 0.0 && place.x.abs().max(place.z.abs()) < half;
-                    if hidden { 0.0 } else { formula(&scene, (place, normal)) }
-                })
-                .collect();
+            let places = places(&scene, &at);
+            let exact = |&(place, normal): &(DVec3, DVec3)| {
+                let is_hidden = place.y == 0.0 && distance(place) < half;
+                if is_hidden { 0.0 } else { formula(&scene, (place, normal)) }
+            };
+            let exact: Vec<f64> = places.iter().map(exact).collect();
             let found = irradiances(&solution, &at);
             let off = difference(&exact, &found);
-            told(&format!("plate {is_sun}"), &solution, off);
-            let leak = at_places
-                .iter()
-                .zip(&found)
-                .filter(|((place, _), _)| place.y == 0.0 && place.x.abs().max(place.z.abs()) < half - 0.05)
-                .map(|(_, &value)| value)
-                .fold(0.0, f64::max);
-            println!("leak {leak}");
+            assert!(off <= error, "{off} of {error}");
+            assert!(is_honest(&solution, off), "{off}, claimed {}", claimed(&solution));
+            let inside =
+                places.iter().zip(&found).filter(|((place, _), _)| place.y == 0.0 && distance(*place) < half - 0.05);
+            assert!(inside.map(|(_, &value)| value).fold(0.0, f64::max) < 1e-6);
         }
     }
 }
 
+/// Catches lamps' light that is lost or counted twice on its way over links: in a closed box the mean irradiance is what is
+/// thrown, by the area, over one less the reflectance, and all of it ends as heat.
 #[test]
 fn a_closed_box_holds_its_light() {
-    for (rho, error) in [(0.5, 0.05), (0.8, 0.05), (0.8, 0.02), (0.8, 0.01)] {
-        let mut input = empty();
-        let (walls, paint) = (input.object("walls"), input.material("paint", grey(rho, 0.0)));
-        input.inside_of_box(walls, paint, v(0.0, 0.0, 0.0), v(2.0, 1.0, 1.5));
-        input.lamps.push(point("bulb", v(1.0, 0.5, 0.75), 100.0));
-        let scene = scene(input);
-        let solution = solved(&scene, &asked(error));
-        let wanted = 400.0 * std::f64::consts::PI / (scene.area() * (1.0 - rho));
-        let mean = solution.report().mean_irradiance.mean();
-        told("box", &solution, mean / wanted - 1.0);
-        println!("{:?}", solution.report().energy);
-    }
+    let rho = 0.5;
+    let mut input = empty();
+    let (walls, paint) = (input.object("walls"), input.material("paint", grey(rho, 0.0)));
+    input.inside_of_box(walls, paint, v(0.0, 0.0, 0.0), v(2.0, 1.0, 1.5));
+    input.lamps.push(point("bulb", v(1.0, 0.5, 0.75), 100.0));
+    let scene = scene(input);
+    let solution = solved(&scene, &asked(0.01));
+    let power = 400.0 * std::f64::consts::PI;
+    let mean = solution.report().mean_irradiance.mean();
+    assert!((mean * scene.area() * (1.0 - rho) / power - 1.0).abs() < 0.01, "{mean}");
+    let energy = solution.report().energy.unwrap();
+    assert!((energy.emitted[0] / power - 1.0).abs() < 0.002, "{energy:?}");
+    assert!(energy.imbalance.abs() < 0.01, "{energy:?}");
 }
 
 fn room(lamps: Vec<Lamp>) -> SceneInput {
@@ -182,22 +174,159 @@ fn ball(times: u32) -> Vec<[DVec3; 3]> {
     faces
 }
 
+/// Catches a lamp that is not as bright as its candela say: a ball of 4 mm with as many lumens lights a room alike.
 #[test]
 fn a_point_is_a_tiny_bulb() {
-    let of_point = scene(room(vec![point("bulb", v(0.7, 0.6, 0.75), 100.0)]));
+    let middle = v(0.7, 0.6, 0.75);
+    let of_point = scene(room(vec![point("bulb", middle, 100.0)]));
     let mut input = room(vec![]);
-    let bulb = input.object("bulb");
-    let (faces, radius, middle) = (ball(3), 0.002, v(0.7, 0.6, 0.75));
+    let (bulb, faces, radius) = (input.object("bulb"), ball(3), 0.002);
     let area: f64 = faces.iter().map(|[a, b, c]| 0.5 * (*b - *a).cross(*c - *a).length() * radius * radius).sum();
     let glow = input.material("glow", grey(0.0, 400.0 * std::f64::consts::PI / area));
     for face in faces {
         input.face(bulb, glow, &face.map(|corner| middle + corner * radius));
     }
-    let of_cube = scene(input);
-    let (one, two) = (solved(&of_point, &asked(0.02)), solved(&of_cube, &asked(0.02)));
-    told("point", &one, 0.0);
-    told("cube", &two, 0.0);
-    println!("{:?} {:?}", one.report().mean_irradiance, two.report().mean_irradiance);
-    let at = points(&of_point, 20_000, 3);
-    println!("{}", difference(&irradiances(&one, &at), &irradiances(&two, &at)));
+    let of_ball = scene(input);
+    let (one, two) = (solved(&of_point, &asked(0.02)), solved(&of_ball, &asked(0.02)));
+    let [own, other] = [&one, &two].map(|solution| solution.report().mean_irradiance.mean());
+    assert!((own / other - 1.0).abs() < 0.005, "{own} {other}");
+    let at = points(&of_point, 50_000, 3);
+    let off = difference(&irradiances(&one, &at), &irradiances(&two, &at));
+    // Measured 0.017, where 0.015 and 0.014 are claimed.
+    assert!(off < 0.02, "{off}");
+}
+
+/// Catches sun that passes walls or misses a window: its patch is the window's, thrown along the light.
+#[test]
+fn sun_falls_through_a_window() {
+    let mut input = empty();
+    let (walls, paint) = (input.object("walls"), input.material("paint", grey(0.6, 0.0)));
+    input.inside_of_box(walls, paint, v(0.0, 0.0, 0.0), v(4.0, 3.0, 4.0));
+    // The wall at x = 0 in parts around a window of z from 1.3 to 2.3 and y from 1.1 to 2.2.
+    input.faces.remove(0);
+    let part = |low: (f64, f64), high: (f64, f64)| {
+        [v(0.0, low.0, low.1), v(0.0, high.0, low.1), v(0.0, high.0, high.1), v(0.0, low.0, high.1)]
+    };
+    for (low, high) in
+        [((0.0, 0.0), (1.1, 4.0)), ((2.2, 0.0), (3.0, 4.0)), ((1.1, 0.0), (2.2, 1.3)), ((1.1, 2.3), (2.2, 4.0))]
+    {
+        input.face(walls, paint, &part(low, high));
+    }
+    let forward = v(1.0, -1.0, 0.25).normalize();
+    input.lamps.push(sun(forward, 1000.0));
+    let scene = scene(input);
+    let solution = solved(&scene, &asked(0.05));
+    assert_eq!(
+        solution.report().status,
+        Status::Converged,
+        "{:?} {:?}",
+        solution.report().error_estimate,
+        solution.report().stages
+    );
+    let direct = 1000.0 * -forward.y;
+    let at = points(&scene, 200_000, 3);
+    let found = irradiances(&solution, &at);
+    let (mut lit, mut dark) = (Vec::new(), Vec::new());
+    for ((place, normal), value) in places(&scene, &at).into_iter().zip(found).filter(|((_, n), _)| n.y > 0.5) {
+        assert!(place.y.abs() < 1e-9 && normal.y > 0.5);
+        // Back along the light to the wall at x = 0.
+        let (y, z) = (place.x, place.z - 0.25 * place.x);
+        let within = (y - 1.1).min(2.2 - y).min(z - 1.3).min(2.3 - z);
+        // Leaves along the border are up to some centimetres large.
+        if within > 0.05 {
+            lit.push(value);
+        } else if within < -0.05 {
+            dark.push(value);
+        }
+    }
+    let least = lit.iter().copied().fold(f64::INFINITY, f64::min);
+    let most = dark.iter().copied().fold(0.0, f64::max);
+    assert!(lit.len() > 1000 && dark.len() > 1000);
+    assert!(least > direct && most < 0.3 * direct, "{least} {most} {direct}");
+    assert!(solution.report().energy.unwrap().imbalance.abs() < 0.01);
+}
+
+fn two_lamps(one: f64, two: f64) -> Vec<Lamp> {
+    let other = lamp(
+        "spot",
+        v(1.5, 0.9, 1.2),
+        v(-0.5, -1.0, -0.5).normalize(),
+        two,
+        LampShape::Spot { inner: 0.2, outer: 0.8 },
+    );
+    vec![point("bulb", v(0.7, 0.6, 0.75), one), other]
+}
+
+/// Catches groups that lose lamps or their power, columns that are not of their own lamp, and relit scenes whose lamps, hash or
+/// rays stay what they were: one lamp dimmed is what a solve of the dimmed scene gives.
+#[test]
+fn lamps_are_dimmed_by_name() {
+    let solution = solved(&scene(room(two_lamps(100.0, 300.0))), &asked(0.02));
+    let groups = &solution.report().groups.as_ref().unwrap().groups;
+    assert_eq!(
+        groups.iter().map(|group| (group.name.as_str(), group.lamps)).collect::<Vec<_>>(),
+        [("bulb", 1), ("spot", 1)]
+    );
+    assert!((groups[0].power[0] - 400.0 * std::f64::consts::PI).abs() < 1e-9);
+    let back = Solution::from_record(solution.to_record()).unwrap();
+    back.check().unwrap();
+    assert_eq!(back.scene().lamps, solution.scene().lamps);
+    for (one, two) in [(0.0, 1.0), (1.0, 0.2)] {
+        let weights = vec![("bulb".to_owned(), [one; 3]), ("spot".to_owned(), [two; 3])];
+        let changes = Changes { weights, ..Changes::default() };
+        let relit = back.relight(&changes).unwrap();
+        relit.check().unwrap();
+        assert_eq!(relit.scene().lamps[1].intensity, Rgb::splat(300.0 * two));
+        let own = solved(&scene(room(two_lamps(100.0 * one, 300.0 * two))), &asked(0.02));
+        let at = points(solution.scene(), 50_000, 5);
+        let off = difference(&irradiances(&own, &at), &irradiances(&relit, &at));
+        assert!(off <= claimed(&relit) + claimed(&own), "{off}: {} {}", claimed(&relit), claimed(&own));
+    }
+}
+
+/// Catches a lamp and an object of one name that are dimmed apart.
+#[test]
+fn an_object_and_its_lamp_are_one_group() {
+    let mut input = room(vec![point("bulb", v(0.7, 0.6, 0.75), 1.0)]);
+    let (object, glow) = (input.object("bulb"), input.material("glow", grey(0.0, 1.0)));
+    input.outside_of_box(object, glow, v(0.6, 0.9, 0.7), v(0.8, 1.0, 0.8));
+    let found = light_groups(&scene(input));
+    let [group] = &found.groups[..] else { panic!("{:?}", found.groups) };
+    assert_eq!((group.name.as_str(), group.polygons, group.lamps), ("bulb", 6, 1));
+    assert!(found.of.iter().all(|&row| row == 0 || row == NO_GROUP) && found.of.last() == Some(&0));
+}
+
+/// Catches an order of work that gets into results.
+#[test]
+fn threads_change_no_bit() {
+    let scene = scene(room(two_lamps(100.0, 300.0)));
+    let of = |threads| solved(&scene, &Settings { threads, ..asked(0.1) }).transport().unwrap().fields.clone();
+    let one = of(1);
+    assert!(one == of(2) && one == of(3));
+}
+
+/// Catches a final gather that leaves out lamps, or that has no sharp shadows: at points it is the formula, and what the solve
+/// says is reflected.
+#[test]
+fn a_final_gather_sees_lamps() {
+    let scene = scene(SceneInput { lamps: vec![point("bulb", v(0.3, 1.0, 0.2), 100.0)], ..floor() });
+    let solution = solved(&scene, &asked(0.2));
+    let gather = FinalGather::new(solution.tracer(), 16, 1);
+    for place in [v(0.0, 0.0, 0.0), v(1.5, 0.0, -1.0)] {
+        let mut stream = Stream::new(1);
+        let found = gather.irradiance(place, 0, 0, &mut stream, &|_, _| Rgb::ZERO);
+        assert!((found.mean() / formula(&scene, (place, DVec3::Y)) - 1.0).abs() < 1e-5, "{found:?}");
+    }
+}
+
+/// Catches a schedule that solves for surfaces alone, in silence, and lamps that light nothing taken for a failure.
+#[test]
+fn what_cannot_be_lit_is_said() {
+    let lit = scene(room(two_lamps(100.0, 300.0)));
+    let error = solve(lit, &paper(), &mut Unobserved).unwrap_err();
+    assert!(error.to_string().contains("lamp 'bulb' has no surface"), "{error}");
+    // The lamp is below the floor, whose back is black.
+    let dark = scene(SceneInput { lamps: vec![point("bulb", v(0.0, -1.0, 0.0), 100.0)], ..floor() });
+    let solution = solved(&dark, &asked(0.05));
+    assert_eq!((solution.report().status, solution.report().mean_irradiance), (Status::Converged, Rgb::ZERO));
 }

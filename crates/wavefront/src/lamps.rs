@@ -28,6 +28,10 @@ const MANY: usize = 256;
 const FAR_BETTER: f32 = 0.25;
 const STEP: f32 = 16.0;
 
+/// Height over a place's plane at which rays of lamps begin to meet things at the latest, in tolerances: twelve times what
+/// rounding takes.
+const NEAR: f32 = 0.1;
+
 /// Share of the values' range by which a field that fits them well may go beyond it: half of it where it tells all of
 /// their variance (of a linear function places of one diagonal tell 0.56 of the range), nothing below a share told of 0.8.
 /// A line through a step tells 0.75, and would be wrong by a quarter of the step beside it.
@@ -96,7 +100,9 @@ fn aim(packet: &mut Packet, k: usize, place: Vec3, normal: Vec3, lamp: &Lamp, ge
         packet.rays.origin[axis][k] = place[axis];
         packet.rays.direction[axis][k] = direction[axis];
     }
-    packet.rays.near[k] = geometry.tolerance / normal.dot(direction).max(f32::MIN_POSITIVE);
+    // Within this distance what the place lies on is not met; farther along flat rays, but not so far that they pass walls.
+    let own = NEAR * length as f32 / normal.dot(direction).max(f32::MIN_POSITIVE);
+    packet.rays.near[k] = geometry.tolerance * own.max(1.0) / length as f32;
     packet.rays.far[k] = if thrown.distance < reach { 1.0 - geometry.tolerance / length as f32 } else { 1.0 };
     packet.weights[k] = if packet.rays.near[k] < packet.rays.far[k] { 1.0 } else { 0.0 };
     thrown.facing.0.map(|facing| (facing * cosine) as f32 * packet.weights[k])
@@ -288,6 +294,13 @@ fn takes_light(element: &Element, transport: &Transport) -> bool {
 }
 
 impl Transport {
+    /// Places at which a leaf should be asked that misses so much as far as 16 places tell.
+    fn places(&self, element: &Element, missed: f32, light: &Light, error: f32) -> f32 {
+        let of_parent = light.lit_error.get(element.parent as usize).copied().unwrap_or(0.0);
+        let is_suspect = 4.0 * element.area * of_parent > error && missed < FAR_BETTER * of_parent;
+        if is_suspect { (STEP * element.area * of_parent / error).max(4.0 * RAYS as f32) } else { 0.0 }
+    }
+
     /// Finds the direct light of lamps at leaves where it is not known yet, and gives it to their fields. `error`: area times
     /// squared error that a leaf may miss.
     pub(crate) fn shine(&self, light: &mut Light, error: f32) {
@@ -298,13 +311,8 @@ impl Transport {
                 return ([[0.0; 3]; 5], 0.0);
             }
             let (field, missed) = lit(element, &self.geometry, &channels, 0.0);
-            let of_parent = light.lit_error.get(element.parent as usize).copied().unwrap_or(0.0);
-            let is_suspect = 4.0 * element.area * of_parent > error && missed < FAR_BETTER * of_parent;
-            if !is_suspect {
-                return (field, missed);
-            }
-            let places = (STEP * element.area * of_parent / error).max(4.0 * RAYS as f32);
-            lit(element, &self.geometry, &channels, places)
+            let places = self.places(element, missed, light, error);
+            if places > RAYS as f32 { lit(element, &self.geometry, &channels, places) } else { (field, missed) }
         };
         let unknown: Vec<u32> =
             (0..light.lit.len() as u32).filter(|&leaf| light.lit_error[leaf as usize].is_nan()).collect();
@@ -323,6 +331,13 @@ impl Transport {
         if light.lit.is_empty() {
             return None;
         }
+        // With a lower limit, leaves that were better than their parents by few places are asked at more.
+        let again = |(leaf, element): (usize, &Element)| {
+            let missed = light.lit_error[leaf];
+            let more = self.places(element, missed, light, limit.error) > 4.0 * RAYS as f32;
+            if element.first_child == NONE && more { f32::NAN } else { missed }
+        };
+        light.lit_error = self.elements.par_iter().enumerate().with_min_len(1024).map(|(l, e)| again((l, e))).collect();
         let bound = loop {
             self.shine(light, limit.error);
             let bound = budget.broken(self.elements.len(), self.links.len() + self.dark.len());

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from isolux.cli import tables
-from isolux.cli.options import JsonTarget, Units, load_scene, write_json
+from isolux.cli.options import JsonTarget, LightUnitsOption, Units, load_scene, write_json
 from isolux.cli.terminal import interrupts, show
 from isolux.photometry import PHOTOMETRIC_SUFFIXES, Photometry, read_photometry
 
@@ -28,9 +28,10 @@ def inspect(
         ),
     ],
     units: Units = None,
+    light_units: LightUnitsOption = "spec",
     json: JsonTarget = None,
 ) -> int:
-    """Show what is in a scene: extents, polygons, lights and their groups, cameras, materials, findings.
+    """Show what is in a scene: extents, polygons, lights and lamps by groups, cameras, materials, findings.
 
     Of a luminaire: name, lamps, flux as stated and as integrated, intensities, opening, symmetry, warnings.
 
@@ -51,7 +52,7 @@ def inspect(
             if units is not None:
                 raise typer.BadParameter("a luminaire's file says its units", param_hint="--units")
             return _show_luminaire(read_photometry(scene), json)
-        loaded = load_scene(scene, units)
+        loaded = load_scene(scene, units, light_units)
         loaded.check()
         findings = sorted(loaded.issues + loaded.audit(), key=lambda issue: issue.severity != "warning")
         return _show(loaded, scene, findings, json)
@@ -60,11 +61,13 @@ def inspect(
 def _show(loaded: Scene, scene: Path, findings: list[Issue], json: str | None) -> int:
     if write_json(json, _values(loaded, scene, findings)):
         return 0
+    groups = loaded.light_groups
     show(
         tables.scene(loaded, str(scene)),
         "",
-        tables.lights(loaded.lights, loaded.unit) if loaded.lights else "no lights",
-        *(("", tables.light_groups(loaded.light_groups, loaded.unit)) if loaded.lights else ()),
+        tables.lights(loaded.lights, loaded.unit) if loaded.lights else "no surface emits",
+        *(("", tables.lamps(loaded.lamps, loaded.unit)) if loaded.lamps else ()),
+        *(("", tables.light_groups(groups, loaded.unit)) if groups else ()),
         "",
         tables.materials(loaded.materials, loaded.unit),
         "",
@@ -92,6 +95,8 @@ def _values(scene: Scene, source: Path, findings: list[Issue]) -> dict[str, Any]
             "groups": [{**dataclasses.asdict(group), "total": group.total} for group in scene.light_groups],
         },
         "emitted_power": scene.emitted_power,
+        "lamps": [dataclasses.asdict(lamp) for lamp in scene.lamps],
+        "lamp_power": scene.lamp_power,
         "cameras": scene.cameras,
         "issues": [dataclasses.asdict(issue) for issue in findings],
     }

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from isolux import _isolux
-from isolux.scene import Scene, load
+from isolux.scene import LightUnits, Scene, load
 
 if TYPE_CHECKING:
     from isolux.report import Unit
@@ -21,6 +21,7 @@ __all__ = [
     "GatherRays",
     "Jobs",
     "JsonTarget",
+    "LightUnitsOption",
     "ProgressMode",
     "ProgressOption",
     "Units",
@@ -73,6 +74,15 @@ Units = Annotated[
     ),
 ]
 
+LightUnitsOption = Annotated[
+    LightUnits,
+    typer.Option(
+        "--light-units",
+        help="What intensities of lamps without a surface mean (KHR_lights_punctual): spec (cd, lux), or as "
+        "Blender exports them: unitless (W/sr, W/m²) or blender (W, W/m²), both at 683 lm/W.",
+    ),
+]
+
 _LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "km": 1000.0, "in": 0.0254, "ft": 0.3048}
 #: Factor on emission, and what it counts. A radiosity is pi times a radiance; readers multiply by pi.
 _EMISSIONS: dict[str, tuple[float, Unit]] = {
@@ -84,7 +94,7 @@ _EMISSIONS: dict[str, tuple[float, Unit]] = {
 }
 
 
-def load_scene(path: Path, units: str | None) -> Scene:
+def load_scene(path: Path, units: str | None, light_units: LightUnits = "spec") -> Scene:
     """Load a scene in the units asked for."""
     length: float | None = None
     emission, unit = _EMISSIONS["cd/m2"]
@@ -101,7 +111,7 @@ def load_scene(path: Path, units: str | None) -> Scene:
                 f"'{word}' is neither a length ({', '.join(_LENGTHS)}, or metres per unit) "
                 f"nor an emission ({', '.join(_EMISSIONS)})",
             )
-    return load(path, metres_per_unit=length, emission_scale=emission, unit=unit)
+    return load(path, metres_per_unit=length, emission_scale=emission, unit=unit, light_units=light_units)
 
 
 def check_target(

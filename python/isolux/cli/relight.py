@@ -9,9 +9,18 @@ import typer
 
 import isolux
 from isolux.cli import tables
-from isolux.cli.options import Jobs, JsonTarget, Units, check_target, load_scene, write_json
+from isolux.cli.options import (
+    Jobs,
+    JsonTarget,
+    LightUnitsOption,
+    Units,
+    check_target,
+    load_scene,
+    write_json,
+)
 from isolux.cli.terminal import interrupts, show
 from isolux.exceptions import SolutionFileError
+from isolux.scene import LightUnits
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -48,6 +57,7 @@ def relight(
         typer.Option(metavar="SCENE", help="Make sure that the solution is one of this scene."),
     ] = None,
     units: Units = None,
+    light_units: LightUnitsOption = "spec",
     threads: Jobs = 0,
     json: JsonTarget = None,
 ) -> int:
@@ -69,7 +79,7 @@ def relight(
     with interrupts():
         opened = isolux.open(solution)
         if scene is not None:
-            _check_scene(opened, solution, scene, units)
+            _check_scene(opened, solution, scene, units, light_units)
         relit = opened.relight(lights, reflectance=paints, threads=threads)
         relit.save(out)
         values = {"output": str(out), "report": relit.report.to_dict()}
@@ -82,8 +92,10 @@ def relight(
     return 0
 
 
-def _check_scene(opened: isolux.Solution, solution: Path, scene: Path, units: str | None) -> None:
-    loaded = load_scene(scene, units)
+def _check_scene(
+    opened: isolux.Solution, solution: Path, scene: Path, units: str | None, light_units: LightUnits
+) -> None:
+    loaded = load_scene(scene, units, light_units)
     if not opened.matches(loaded):
         relit = opened.report.relit
         solved = opened.report.scene_hash if relit is None else relit.scene_hash

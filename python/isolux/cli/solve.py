@@ -13,6 +13,7 @@ from isolux.cli import tables
 from isolux.cli.options import (
     Jobs,
     JsonTarget,
+    LightUnitsOption,
     ProgressOption,
     Units,
     bytes_of,
@@ -58,6 +59,7 @@ def solve(
     threads: Jobs = 0,
     seed: Annotated[int, typer.Option(metavar="N", help="Seed of every pseudo-random choice.")] = 0,
     units: Units = None,
+    light_units: LightUnitsOption = "spec",
     json: JsonTarget = None,
     progress: ProgressOption = "auto",
     dark: Annotated[
@@ -78,7 +80,8 @@ def solve(
         float | None,
         typer.Option(
             metavar="A",
-            help="Smallest element to split, of the whole area.  [default: 1e-8]",
+            help="Smallest element to split, of the whole area.  "
+            "[default: 1e-8; 1e-9 with lamps that have no surface]",
             rich_help_panel=_WAVEFRONT,
         ),
     ] = None,
@@ -219,8 +222,9 @@ def solve(
     settings = isolux.Settings(**fields)
     check_target(out, scene, None, wrong=(".glb", ".gltf", ".obj", ".ply", ".vtu", ".png", ".exr"))
     with interrupts() as hand:
-        loaded = load_scene(scene, units)
+        loaded = load_scene(scene, units, light_units)
         _tell_of_issues(loaded)
+        say(tables.power(loaded))
         hand.keep()
         try:
             with showing(progress) as hear:

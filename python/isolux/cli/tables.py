@@ -14,16 +14,18 @@ if TYPE_CHECKING:
 
     from isolux.photometry import LampSet, Photometry
     from isolux.report import Bands, ErrorEstimate, GroupsReport, Issue, Report, Unit
-    from isolux.scene import Light, LightGroup, Material, Scene
+    from isolux.scene import Lamp, Light, LightGroup, Material, Scene
     from isolux.settings import Settings
 
 __all__ = [
     "issues",
+    "lamps",
     "light_groups",
     "lights",
     "lines",
     "luminaire",
     "materials",
+    "power",
     "relit",
     "report",
     "scene",
@@ -57,9 +59,52 @@ def scene(scene: Scene, source: str) -> Table:
             f"{len(scene.lights):,}, {total_power(power, scene.unit):.6g} {scene.unit} in all "
             f"({_bands(power)} by band)",
         ),
+        *([("lamps", _lamp_power(scene))] if scene.lamps else []),
         ("cameras", ", ".join(scene.cameras) or "none"),
     ]
     return _pairs(rows)
+
+
+def power(scene: Scene) -> str:
+    """What all lights of a scene throw, in one line: what units were meant shows in it."""
+    surfaces = f"light: {total_power(scene.emitted_power, scene.unit):.6g} {scene.unit} from surfaces"
+    return f"{surfaces}, lamps: {_lamp_power(scene)}" if scene.lamps else surfaces
+
+
+def _lamp_power(scene: Scene) -> str:
+    """Number and power of lamps without a surface."""
+    suns = sum(lamp.power is None for lamp in scene.lamps)
+    power = total_power(scene.lamp_power, scene.unit)
+    told = f"{len(scene.lamps):,}, {power:.6g} {scene.unit} in all ({_bands(scene.lamp_power)} by band)"
+    return f"{told}, {suns:,} of them suns without a power" if suns else told
+
+
+def lamps(lamps: Sequence[Lamp], unit: Unit) -> Table:
+    """Lamps without a surface, their intensity in its unit, and power."""
+    names = [
+        ("lamp", "left"),
+        ("kind", "left"),
+        ("intensity", "right"),
+        ("unit", "left"),
+        ("cone, °", "right"),
+    ]
+    names += [("place, m", "left"), ("direction", "left"), (f"power, {unit}", "right")]
+    per_angle, per_area = ("cd", "lm/m²") if unit == "lm" else ("W/sr", "W/m²")
+    units = {"point": per_angle, "spot": per_angle, "sun": per_area, "web": f"x {per_angle}"}
+    rows = (
+        (
+            lamp.name,
+            lamp.kind,
+            _bands(lamp.intensity),
+            units[lamp.kind],
+            f"{lamp.inner_angle:.4g} to {lamp.outer_angle:.4g}" if lamp.kind == "spot" else "",
+            "" if lamp.kind == "sun" else _point(lamp.position),
+            "" if lamp.kind == "point" else _point(lamp.direction),
+            "" if lamp.power is None else f"{total_power(lamp.power, unit):.6g}",
+        )
+        for lamp in lamps
+    )
+    return _table(names, rows)
 
 
 def lights(lights: Sequence[Light], unit: Unit) -> Table:

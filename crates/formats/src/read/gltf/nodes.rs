@@ -186,6 +186,10 @@ impl Walk {
             self.issues.push(issue(Severity::Warning, IssueKind::Ignored, &name, message));
             return Ok(());
         };
+        if data.range.is_some() {
+            let message = "the light's range is ignored: light falls off with the square of the distance, without end";
+            self.issues.push(issue(Severity::Note, IssueKind::Ignored, &name, message));
+        }
         let factor = f64::from(data.intensity) * units.factor(shape == LampShape::Parallel);
         self.lamps.push(Lamp {
             name,
