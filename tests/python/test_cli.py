@@ -138,6 +138,23 @@ def test_inspect_tells_what_is_there(isolux_command, scene_file):
         assert issue.message[:40] in done.stdout
 
 
+def test_lamps_are_told_with_their_power(isolux_command, tmp_path):
+    """Catches lamps that inspect leaves out, and units that nobody can tell from what is printed."""
+    studio = ROOT / "scenes" / "studio.glb"
+    done = isolux_command("inspect", studio)
+    assert done.returncode == 0
+    for word in ("table spot", "872.056", "266.086", "1 of them suns", "cd", "lm/m²"):
+        assert word in done.stdout
+    values = json.loads(isolux_command("inspect", studio, "--light-units", "blender", "--json", "-").stdout)
+    assert values["lamps"][1]["intensity"][0] == pytest.approx(600 * 683 / (4 * np.pi))
+    solved = isolux_command("solve", studio, "-o", tmp_path / "studio.isolux", "--error", "0.5")
+    assert solved.returncode == 0
+    assert "light: 0 lm from surfaces, lamps: 3, 1138.14 lm in all" in solved.stderr
+    refused = isolux_command("solve", studio, "-o", tmp_path / "no.isolux", "--schedule", "sequential")
+    assert refused.returncode != 0
+    assert "lamp 'bulb' has no surface" in refused.stderr
+
+
 def test_faults_of_geometry_are_told_by_object(isolux_command, tmp_path):
     """Catches a fault that inspect or solve keeps to itself, in words or as JSON, or without its object."""
     inputs = Path(__file__).parents[2] / "scenes" / "test-inputs"

@@ -13,6 +13,11 @@ ROOT = Path(__file__).parents[2]
 
 EXPECTED = {
     "SettingsError::Value": ("SettingsError", "setting 'error' is -1: expected a number above 0"),
+    "SettingsError::Lamps": (
+        "SettingsError",
+        "setting 'schedule' is sequential: lamp 'sun' has no surface, "
+        "which only schedule 'wavefront' can solve",
+    ),
     "SettingsError::Schedule": ("SettingsError", "setting 'rays' is 256: belongs to schedule 'sequential'"),
     "SceneError::Empty": (
         "SceneError",
@@ -29,6 +34,7 @@ EXPECTED = {
         "SceneError",
         "material 'leaf': mask 0 has 3 texels, expected 2 x 2, at least 1",
     ),
+    "SceneError::Lamp": ("SceneError", "lamp 'sun': it has no direction"),
     "SceneError::Unit": ("SceneError", "-1 metres per unit is not a positive length"),
     "SceneError::TooLarge": ("SceneError", "20 polygons are more than the 10 that element paths can name"),
     "SceneViolation": ("InternalError", "polygon 7: violated: unit normal"),
@@ -37,7 +43,10 @@ EXPECTED = {
         "SceneError",
         "the scene has no surfaces (0 faces without area and 0 without opacity or emission were dropped)",
     ),
-    "SolveError::NoLight": ("NoLightError", "scene 'cave' has no light: no surface emits"),
+    "SolveError::NoLight": (
+        "NoLightError",
+        "scene 'cave' has no light: no surface emits, and there is no lamp",
+    ),
     "SolveError::Internal": ("InternalError", "link 3 has no receiver"),
     "RecordError::Missing": ("SolutionFileError", "'links/source' is missing"),
     "RecordError::Shape": ("SolutionFileError", "'links/source' has shape (3,), expected shape (4,)"),

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import CUBE, SIDES, box, lamp
+from conftest import CUBE, ROOT, SIDES, box, lamp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -212,7 +212,7 @@ def test_shipped_scenes_are_sound():
     for path in paths:
         scene = isolux.load(path)
         assert scene.check() == [], path.name
-        assert scene.lights, path.name
+        assert scene.lights or scene.lamps, path.name
 
 
 @pytest.mark.parametrize("name", ["missing.glb", "missing.obj", "missing.stl", "missing"])
@@ -268,3 +268,76 @@ def test_watts_are_not_weighted_by_the_eye():
     assert by_unit["W"].lights[0].total == pytest.approx(6)
     with pytest.raises(ValueError, match="unit is 'lux': expected 'lm' or 'W'"):
         isolux.Scene.from_arrays(CUBE, list(SIDES.values()), glow, unit="lux")
+
+
+def under_lamps(*lamps: isolux.Lamp) -> isolux.Scene:
+    """A square of 4 m that faces up, in centimetres."""
+    corners = [[-200, 0, -200], [-200, 0, 200], [200, 0, 200], [200, 0, -200]]
+    return isolux.Scene.from_arrays(corners, [[0, 1, 2, 3]], lamps=lamps, metres_per_unit=0.01)
+
+
+def test_lamps_from_arrays_light_the_scene():
+    """Catches lamps that lose a value on the way, places in the caller's unit, degrees taken for radians."""
+    bulb = isolux.Lamp("bulb", "point", position=(0, 100, 0), intensity=(100, 50, 25))
+    spot = isolux.Lamp("spot", "spot", (0, 200, 0), (0, -3, 0), 10.0, inner_angle=20.0, outer_angle=60.0)
+    sun = isolux.Lamp("sun", "sun", direction=(0, -1, 1), intensity=8.0)
+    scene = under_lamps(bulb, spot, sun)
+    read = scene.lamps
+    assert [(lamp.name, lamp.kind) for lamp in read] == [("bulb", "point"), ("spot", "spot"), ("sun", "sun")]
+    assert read[0].position == (0.0, 1.0, 0.0)
+    assert read[0].intensity == (100.0, 50.0, 25.0)
+    assert read[0].power == pytest.approx([400 * np.pi, 200 * np.pi, 100 * np.pi])
+    assert (read[1].inner_angle, read[1].outer_angle) == pytest.approx((20.0, 60.0))
+    inner, outer = np.cos(np.radians([20.0, 60.0]))
+    assert read[1].power == pytest.approx([20 * np.pi * ((inner - outer) / 3 + 1 - inner)] * 3)
+    assert read[2].power is None
+    np.testing.assert_allclose(read[2].direction, np.array([0, -1, 1]) / np.sqrt(2))
+    assert scene.lamp_power[0] == pytest.approx(read[0].power[0] + read[1].power[0])
+    assert [(group.name, group.lamps) for group in scene.light_groups] == [
+        ("bulb", 1),
+        ("spot", 1),
+        ("sun", 1),
+    ]
+    solution = isolux.solve(under_lamps(sun), error=0.05)
+    np.testing.assert_allclose(solution.report.mean_irradiance, 8.0 / np.sqrt(2), rtol=1e-5)
+
+
+def test_lamps_that_make_no_sense_are_named():
+    """Catches a lamp of another type, kind, shape or cone that is taken, or refused without its name."""
+    with pytest.raises(TypeError, match=r"lamps\[0\] is a dict: expected isolux.Lamp"):
+        under_lamps({"name": "bulb"})
+    with pytest.raises(ValueError, match="lamp 'odd': kind is 'laser': expected 'point', 'spot' or 'sun'"):
+        under_lamps(isolux.Lamp("odd", "laser"))
+    with pytest.raises(ValueError, match=r"lamps\[0\].position: expected three numbers"):
+        under_lamps(isolux.Lamp("odd", position=(1, 2)))
+    with pytest.raises(SceneError, match="lamp 'odd': its cone is none"):
+        under_lamps(isolux.Lamp("odd", "spot", inner_angle=50.0, outer_angle=40.0))
+    with pytest.raises(isolux.exceptions.SettingsError, match="lamp 'bulb' has no surface"):
+        isolux.solve(under_lamps(isolux.Lamp("bulb", position=(0, 1, 0))), schedule="sequential")
+
+
+def test_light_units_are_told_by_name():
+    """Catches units that do not reach the reader, or a name that is none."""
+    path = ROOT / "scenes" / "studio.glb"
+    spec, blender = isolux.load(path), isolux.load(path, light_units="blender")
+    assert blender.lamp_power[1] / spec.lamp_power[1] == pytest.approx(683 / (4 * np.pi))
+    assert blender.lamps[2].intensity[0] == pytest.approx(683 * 2000)
+    with pytest.raises(ValueError, match="light_units is 'lumen'"):
+        isolux.load(path, light_units="lumen")
+
+
+def test_a_studio_is_solved_relit_and_drawn(tmp_path):
+    """Catches any break between a file with lamps and its picture: sun on the floor by day, none by night."""
+    scene = isolux.load(ROOT / "scenes" / "studio.glb")
+    solution = isolux.solve(scene, error=0.1)
+    solution.save(tmp_path / "studio.isolux")
+    opened = isolux.open(tmp_path / "studio.isolux")
+    assert [lamp.name for lamp in opened.scene.lamps] == ["bulb", "table spot", "sun"]
+    night = opened.relight({"sun": 0.0})
+    assert night.scene.lamps[2].intensity == (0.0, 0.0, 0.0)
+    # Down on the patch of the sun: 2,000 lux from 40 degrees, reflected by 0.45.
+    view = {"eye": (1.3, 1.0, 2.0), "at": (1.3, 0.0, 2.001), "size": (8, 8)}
+    day, dark = solution.render(**view), night.render(**view)
+    direct = 2000 * np.cos(np.radians(40)) * 0.45 / np.pi
+    assert direct < day[4, 4, 0] < 1.3 * direct
+    assert dark[4, 4, 0] < 0.3 * direct

@@ -918,6 +918,9 @@ fn everything() -> Glb {
     let mesh = glb.push("meshes", json!({"primitives": [primitive]}));
     let node = glb.push("nodes", json!({"mesh": mesh, "extensions": {"KHR_lights_punctual": {"light": 0}}}));
     glb.json["scenes"][0]["nodes"] = json!([0, node]);
+    let lamp = json!({"type": "spot", "color": [1, 0.5, 0.2], "intensity": 30, "range": 9,
+        "spot": {"innerConeAngle": 0.2, "outerConeAngle": 0.7}});
+    glb.json["extensions"] = json!({"KHR_lights_punctual": {"lights": [lamp]}});
     glb
 }
 

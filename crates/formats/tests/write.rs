@@ -148,6 +148,7 @@ fn scene() -> Scene {
             camera("eye", Projection::Perspective { vertical_angle: 1.0 }),
             camera("plan", Projection::Orthographic { height: 4.0 }),
         ],
+        lamps: Vec::new(),
         triangles,
         face_polygon,
         issues: Vec::new(),
