@@ -381,6 +381,12 @@ class Solution:
             self._groups = {name: MappingProxyType(split.get(name, {})) for name in names}
         return self._groups[group]
 
+    def _repr_html_(self) -> str:
+        """A picture and the report, for notebooks."""
+        from isolux.notebook import summary  # noqa: PLC0415 (a solve does not wait for what it imports)
+
+        return summary(self)
+
     def __repr__(self) -> str:
         report = self.report
         return (

@@ -28,6 +28,7 @@ __all__ = [
     "power",
     "relit",
     "report",
+    "report_rows",
     "scene",
 ]
 
@@ -243,6 +244,11 @@ def issues(issues: Sequence[Issue]) -> Table:
 
 def report(report: Report, target: str) -> Table:
     """What a solve tells of itself."""
+    return _pairs([*report_rows(report), ("result", target)])
+
+
+def report_rows(report: Report) -> list[tuple[str, str]]:
+    """What a solve tells of itself, as names and values."""
     links = report.links
     rows = [
         ("scene", report.scene),
@@ -299,8 +305,7 @@ def report(report: Report, target: str) -> Table:
     rows.append(("seconds", f"{report.seconds:.2f} ({phases})"))
     if report.peak_memory:
         rows.append(("peak memory", f"{report.peak_memory / 2**20:,.0f} MiB"))
-    rows.append(("result", target))
-    return _pairs(rows)
+    return rows
 
 
 def relit(report: Report, target: str) -> Table:
@@ -372,4 +377,5 @@ def _bands(values: float | Sequence[float] | Bands) -> str:
 
 
 def _point(point: Sequence[float]) -> str:
-    return "(" + ", ".join(f"{coordinate:.4g}" for coordinate in point) + ")"
+    # What rounding leaves of nothing is nothing; adding 0 takes the sign from -0.
+    return "(" + ", ".join(f"{round(coordinate, 9) + 0.0:.4g}" for coordinate in point) + ")"
