@@ -44,6 +44,9 @@ type MaterialTuple = (String, Triple, Triple, bool, f64);
 /// Name, kind, place, direction, intensity per band, inner and outer angle of a cone in degrees.
 type LampTuple = (String, String, Triple, Triple, Triple, (f64, f64));
 
+/// Name, polygons, area in m², power per band, lamps.
+type GroupTuple = (String, u64, f64, Triple, u64);
+
 /// Severity, kind, object, message.
 type IssueTuple = (String, String, String, String);
 
@@ -263,7 +266,7 @@ impl Scene {
 
     /// What light groups are made of, and each: name, polygons, area, power per band, lamps.
     #[getter]
-    fn light_groups(&self) -> (&'static str, Vec<(String, u64, f64, Triple, u64)>) {
+    fn light_groups(&self) -> (&'static str, Vec<GroupTuple>) {
         let found = isolux::light_groups(&self.inner);
         let by = match found.by {
             isolux::GroupedBy::Object => "object",

@@ -348,7 +348,7 @@ impl Transport {
             if coarse.is_empty() {
                 break bound;
             }
-            split(&mut self.elements, coarse.into_iter(), &self.geometry);
+            split(&mut self.elements, coarse, &self.geometry);
             light.adopt(&self.elements);
         };
         self.arrange(light);
