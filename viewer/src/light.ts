@@ -1,6 +1,7 @@
 // The light of a mix: columns and the weights of their lamps come in; irradiance at vertices, points and elements comes out.
 
 import { NONE, scalarWeights, dot, type Bands, type ViewData } from "./data";
+import { MixError } from "./mixerror";
 import { bilinearCoordinates, fieldAt, meanOfField } from "./place";
 import { areaOf, cross, quarter, subtract, type Corners, type Trees } from "./tree";
 
@@ -31,6 +32,7 @@ export class Light {
   private readonly triangles: Uint32Array;
   private readonly triangleStart: Uint32Array;
   private readonly scalar: Bands;
+  private readonly mixError: MixError;
 
   constructor(
     private readonly data: ViewData,
@@ -51,6 +53,7 @@ export class Light {
     this.vertices = new Float32Array(this.positions.length);
     this.weights = data.header.groups.map((group) => [...group.weight] as Bands);
     this.scalar = scalarWeights(data.header.unit);
+    this.mixError = new MixError(data, data.header.groups.length);
     this.mix();
   }
 
@@ -106,13 +109,15 @@ export class Light {
   claimedError(): number | null {
     const { report } = this.data.header;
     if (this.isAsSolved) return report.error_estimate?.total ?? null;
-    // What docs/how-to/relight.md says of a mix.
+    // What docs/how-to/relight.md says of a mix: without points of a check a bound.
     const known = (report.relit ?? report).error_estimate?.total;
     const all = this.weights.flat();
     const most = Math.max(...all);
     if (known === undefined) return null;
     if (most === 0) return 0;
     if (all.every((weight) => weight === most)) return known;
+    const measured = this.mixError.claim(this.weights);
+    if (measured !== null) return measured;
     const before = report.relit?.mean_irradiance ?? this.mean(this.weights.map(() => [1, 1, 1]));
     const average = (bands: Bands): number => (bands[0] + bands[1] + bands[2]) / 3;
     const now = average(this.mean());

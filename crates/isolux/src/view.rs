@@ -32,6 +32,7 @@
 //! | `elements/mean` f32 (g, l, 3) | without fields: mean irradiance of the open part of leaves |
 //! | `polygons/normal` f64 (p, 3), `polygons/reflectance`, `polygons/emission` f32 (p, 3), `polygons/opacity` f32 (p) | one-sided polygons, fronts first; what they emit with weight 1 |
 //! | `polygons/group`, `polygons/object`, `polygons/material`, `polygons/twin` u32 (p), `polygons/faces` u32 (p, 2) | column that dims them or `NONE`; rows of the header's lists; the other side or `NONE`; input triangles |
+//! | `points/irradiance` f32 (g x k, 3), `points/error` f32 (g x k, 6) | by group and point of its check: irradiance, and its error by both batches of rays; nothing where groups were not checked |
 //! | `links/start` u32 (n + c + 1) | first link of each receiver, elements first, then clusters |
 //! | `links/source` u32, `links/factor` f32, `links/visibility` u8 | links: where light comes from, mean of factor times visibility, visibility times 255 |
 //! | `clusters/ball` f32 (c, 4), `clusters/parent`, `clusters/first`, `clusters/count` u32 (c), `clusters/members` u32 | middle and radius, the cluster above or `NONE`, a run of members |
@@ -41,7 +42,7 @@ use crate::wavefront::Columns;
 use crate::{Report, Solution, View, light_groups, smooth};
 use isolux_core::DVec3;
 use isolux_core::links::Hierarchy;
-use isolux_core::scene::{Camera, Projection, Scene};
+use isolux_core::scene::{Camera, Lamp, Projection, Scene};
 use isolux_core::tree::ElementId;
 use isolux_core::units::{Rgb, Unit};
 use isolux_formats::write::{ToneMap, auto_exposure};
@@ -257,6 +258,7 @@ impl Solution {
             }
         }
         add_polygons(scene, &shown, &mut body);
+        add_points(&shown, &mut body);
         let count = self.link_count();
         if count <= limits.links {
             self.add_links(origin, &mut body);
@@ -349,7 +351,12 @@ impl Solution {
         };
         let power = |column: u32| {
             let own = scene.polygons.iter().zip(&shown.emission).zip(&shown.of).filter(|(_, of)| **of == column);
-            own.map(|((polygon, &emission), _)| emission * polygon.area).sum()
+            let of_surfaces: Rgb = own.map(|((polygon, &emission), _)| emission * polygon.area).sum();
+            let lamps = scene.lamps.iter().zip(shown.emission.iter().zip(&shown.of).skip(scene.polygons.len()));
+            let own = lamps.filter(|(_, (_, of))| **of == column);
+            // Parallel light has none.
+            let powers = own.filter_map(|(lamp, (&intensity, _))| Lamp { intensity, ..lamp.clone() }.power());
+            of_surfaces + powers.sum()
         };
         let group = |(row, name): (usize, &String)| HeaderGroup {
             name: name.clone(),
@@ -424,13 +431,21 @@ impl Solution {
     }
 }
 
+/// What tells the error of a mix; nothing where groups were not checked.
+fn add_points(shown: &Shown, body: &mut Body) {
+    let Some(points) = shown.columns.as_ref().map(|columns| &columns.points) else { return };
+    body.add("points/irradiance", &[3], points.irradiance.iter().flatten().flatten().copied());
+    body.add("points/error", &[6], points.errors.iter().flatten().flatten().flatten().copied());
+}
+
 fn add_polygons(scene: &Scene, shown: &Shown, body: &mut Body) {
     let polygons = &scene.polygons;
     body.add("polygons/normal", &[3], polygons.iter().flat_map(|polygon| polygon.plane.normal.to_array()));
     body.add("polygons/reflectance", &[3], bands(polygons.iter().map(|polygon| polygon.reflectance)));
-    body.add("polygons/emission", &[3], bands(shown.emission.iter().copied()));
+    body.add("polygons/emission", &[3], bands(shown.emission.iter().take(polygons.len()).copied()));
     body.add("polygons/opacity", &[], polygons.iter().map(|polygon| polygon.opacity as f32));
-    body.add("polygons/group", &[], shown.of.iter().map(|&group| if group == NO_GROUP { NONE } else { group }));
+    let groups = shown.of.iter().take(polygons.len());
+    body.add("polygons/group", &[], groups.map(|&group| if group == NO_GROUP { NONE } else { group }));
     body.add("polygons/object", &[], polygons.iter().map(|polygon| polygon.object));
     body.add("polygons/material", &[], polygons.iter().map(|polygon| polygon.material));
     body.add("polygons/twin", &[], polygons.iter().map(|polygon| polygon.twin.unwrap_or(NONE)));
