@@ -8,6 +8,7 @@ import json
 import re
 import signal
 import socket
+import struct
 import subprocess
 import sys
 from base64 import b64decode, b64encode
@@ -15,8 +16,9 @@ from hashlib import sha256
 from urllib.parse import urlsplit
 
 import pytest
-from conftest import in_python
+from conftest import ROOT, in_python
 
+import isolux
 from isolux.viewer.server import ViewServer
 
 DATA = b"isoluxvw, some data"
@@ -247,3 +249,18 @@ def test_viewing_is_paid_for_when_it_is_wanted():
     """Catches a server that every command loads."""
     code = "import sys; import isolux.cli.app; print('http.server' in sys.modules)"
     assert in_python(code).stdout == "False\n"
+
+
+def test_lamps_without_a_surface_have_their_power_and_are_no_polygons():
+    """Catches lamps that the page shows with 0 lm, and rows of lamps among those of polygons."""
+    solution = isolux.solve(isolux.load(ROOT / "scenes/studio.glb"), error=0.2)
+    data = solution.view_data()
+    (length,) = struct.unpack_from("<I", data, 8)
+    header = json.loads(data[16 : 16 + length])
+    shown = {group["name"]: group["power"] for group in header["groups"]}
+    assert set(shown) == {"bulb", "table spot", "sun"}
+    for lamp in solution.scene.lamps:
+        assert shown[lamp.name] == pytest.approx(lamp.power or (0, 0, 0), rel=1e-6), lamp.name
+    arrays = header["arrays"]
+    assert arrays["polygons/group"]["shape"][0] == solution.report.polygons
+    assert arrays["polygons/emission"]["shape"][0] == solution.report.polygons

@@ -32,7 +32,7 @@ fn the_furnace_is_within_what_was_asked() {
         // Half of what links say, which was claimed once, is ten times as much. Measured: 0.0022 for 0.0010 at 0.1, and 1.0
         // times at 0.02. The check has rays for the error that was asked: of a hundredth of that it tells the size.
         let claimed = solution.report().error_estimate.unwrap().total;
-        assert!(claimed < (2.0 * rms).max(error / 30.0), "{error}: {claimed} for {rms}");
+        assert!(claimed < (2.0 * rms).max(error / 40.0), "{error}: {claimed} for {rms}");
     }
 }
 
