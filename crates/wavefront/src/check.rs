@@ -1,7 +1,7 @@
 //! A check by rays that know nothing of links: points of the surfaces and a solution's light go in, how far the solution is
 //! from fulfilling its own equation comes out; of light by groups, point by point, what tells the same of every mix.
 
-use crate::contacts::{is_covered, is_on_line};
+use crate::contacts::{is_covered, is_on_border, is_on_line};
 use crate::control::Control;
 use crate::geometry::{Element, Geometry, NONE};
 use crate::lamps::at_place;
@@ -248,7 +248,8 @@ fn at_points<T: Send>(
             let jitter = [stream.next_unit() as f32, stream.next_unit() as f32];
             let place = Place { polygon: polygon as u32, point: even_point_of(&elements[polygon], jitter) };
             let on_line = || is_on_line(place.point, &elements[place.node(0.0, transport) as usize], geometry);
-            if is_covered(place.point, place.polygon, geometry) || on_line() {
+            let on_border = || is_on_border(place.point, &elements[polygon], geometry);
+            if on_border() || on_line() || is_covered(place.point, place.polygon, geometry) {
                 return None;
             }
             look(place, &mut stream)

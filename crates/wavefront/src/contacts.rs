@@ -40,6 +40,16 @@ impl Contacts {
         self.0.any(polygon)
     }
 
+    /// Is there a line of contact between two points of a polygon?
+    pub(crate) fn between(&self, from: Vec3, to: Vec3, polygon: u32, geometry: &Geometry) -> bool {
+        let normal = geometry.surfaces[polygon as usize].normal;
+        let side = |a: Vec3, b: Vec3, point: Vec3| normal.dot((b - a).cross(point - a));
+        let apart = |a: Vec3, b: Vec3, p: Vec3, q: Vec3| side(a, b, p) * side(a, b, q) <= 0.0;
+        let reach = geometry.tolerance;
+        let mut near = self.0.near(polygon, from.min(to) - reach, from.max(to) + reach);
+        near.any(|&[a, b]| apart(a, b, from, to) && apart(from, to, a, b))
+    }
+
     /// Lines of a polygon whose box meets that of one of its elements.
     fn near<'a>(&'a self, element: &Element, tolerance: f32) -> impl Iterator<Item = &'a Line> + 'a {
         let (low, high) = bounds(element);
@@ -50,11 +60,21 @@ impl Contacts {
 /// Is a point of an element so close to a line of contact that rounding decides on which side it is?
 pub(crate) fn is_on_line(point: Vec3, element: &Element, geometry: &Geometry) -> bool {
     let reach = BESIDE * geometry.tolerance;
-    geometry.contacts.near(element, reach).any(|&[from, to]| {
-        let along = to - from;
-        let share = ((point - from).dot(along) / along.length_squared().max(f32::MIN_POSITIVE)).clamp(0.0, 1.0);
-        point.distance_squared(from + along * share) < reach * reach
-    })
+    geometry.contacts.near(element, reach).any(|&[from, to]| is_closer(point, from, to, reach))
+}
+
+/// Is a point of a polygon so close to its border that rounding decides on which side it is of what meets it there?
+pub(crate) fn is_on_border(point: Vec3, root: &Element, geometry: &Geometry) -> bool {
+    let count = root.count as usize;
+    let reach = BESIDE * geometry.tolerance;
+    (0..count).any(|k| is_closer(point, root.corners[k], root.corners[(k + 1) % count], reach))
+}
+
+/// Is a point closer than `reach` to a segment?
+fn is_closer(point: Vec3, from: Vec3, to: Vec3, reach: f32) -> bool {
+    let along = to - from;
+    let share = ((point - from).dot(along) / along.length_squared().max(f32::MIN_POSITIVE)).clamp(0.0, 1.0);
+    point.distance_squared(from + along * share) < reach * reach
 }
 
 /// Segments in which other polygons meet the inside of `polygon`.
@@ -258,8 +278,8 @@ const STRAY: usize = 2;
 const HIGH: usize = 5;
 
 /// Looks that see backs where a point may be inside something solid that other surfaces close: behind a skirting board that
-/// has no back, wall and floor are in view too.
-const MOST: usize = 7;
+/// has no back, wall and floor are in view too, and beside the line where these meet fill half of it.
+const MOST: usize = 5;
 
 /// Looks after which a point that has seen no back is open.
 const FIRST: usize = 3;
@@ -403,12 +423,15 @@ mod tests {
 
     /// A floor of 4 x 4 about the middle, and a wall that stands on it at x = 0 from z = -1 to z = 1.
     fn floor_and_wall() -> Geometry {
-        let surface = Surface { reflectance: Rgb::splat(0.5), emission: Rgb::ZERO, opacity: 1.0 };
-        let faces = [
+        single_sided(&[
             [[-2.0, 0.0, -2.0], [-2.0, 0.0, 2.0], [2.0, 0.0, 2.0], [2.0, 0.0, -2.0]],
             [[0.0, 0.0, -1.0], [0.0, 0.0, 1.0], [0.0, 1.0, 1.0], [0.0, 1.0, -1.0]],
-        ];
-        let faces = faces.map(|corners| {
+        ])
+    }
+
+    fn single_sided(faces: &[[[f64; 3]; 4]]) -> Geometry {
+        let surface = Surface { reflectance: Rgb::splat(0.5), emission: Rgb::ZERO, opacity: 1.0 };
+        let faces = faces.iter().map(|corners| {
             let corners = corners.map(DVec3::from_array).to_vec();
             Face { object: 0, material: 0, corners, uv: None, surface: None }
         });
@@ -419,7 +442,7 @@ mod tests {
             metres_per_unit: 1.0,
             objects: vec![Object { name: "thing".into() }],
             materials: vec![material],
-            faces: faces.to_vec(),
+            faces: faces.collect(),
             ..SceneInput::default()
         };
         let mut geometry = Geometry::new(Arc::new(Scene::build(input, &BuildOptions::default()).unwrap()));
@@ -457,5 +480,59 @@ mod tests {
         assert!(near.contains(&true), "{near:?}");
         let corner = floor.quarters(0)[0].quarters(0)[0];
         assert!(!is_on(corner.centre().x, corner.centre().z, &corner));
+    }
+
+    /// Catches light behind a skirting board: of the strips of floor and wall that it hides, those close to the line where
+    /// floor and wall meet see as much of these as of the board's back.
+    #[test]
+    fn what_a_skirting_board_hides_is_covered_up_to_the_foot_of_the_wall() {
+        // Floor, wall at x = 0, and a board of 8 cm in front of it, 15 mm deep, without a back and without a bottom; open ends
+        // are far away.
+        let geometry = single_sided(&[
+            [[0.0, 0.0, -2.0], [0.0, 0.0, 2.0], [4.0, 0.0, 2.0], [4.0, 0.0, -2.0]],
+            [[0.0, 0.0, -2.0], [0.0, 2.0, -2.0], [0.0, 2.0, 2.0], [0.0, 0.0, 2.0]],
+            [[0.015, 0.0, -2.0], [0.015, 0.08, -2.0], [0.015, 0.08, 2.0], [0.015, 0.0, 2.0]],
+            [[0.0, 0.08, -2.0], [0.0, 0.08, 2.0], [0.015, 0.08, 2.0], [0.015, 0.08, -2.0]],
+        ]);
+        let middle = geometry.middle.as_vec3();
+        let is_hidden = |polygon: u32, x: f32, y: f32| is_covered(Vec3::new(x, y, 0.3) - middle, polygon, &geometry);
+        for step in 1..30 {
+            let share = step as f32 / 30.0;
+            assert!(is_hidden(0, 0.015 * share, 0.0), "floor, {share}");
+            assert!(is_hidden(1, 0.0, 0.08 * share), "wall, {share}");
+            assert!(!is_hidden(0, 0.015 + 0.03 * share, 0.0), "floor in front, {share}");
+            assert!(!is_hidden(1, 0.0, 0.08 + 0.1 * share), "wall above, {share}");
+        }
+    }
+
+    /// Catches points at which a ray starts on the other side of what stands on an element, and such as are taken for that.
+    #[test]
+    fn a_line_of_contact_lies_between_its_sides_and_nowhere_else() {
+        let geometry = floor_and_wall();
+        let height = geometry.root(0).corners[0].y;
+        let between = |from: [f32; 2], to: [f32; 2]| {
+            let [from, to] = [from, to].map(|[x, z]| Vec3::new(x, height, z));
+            geometry.contacts.between(from, to, 0, &geometry)
+        };
+        assert!(between([-0.1, 0.2], [0.1, 0.3]));
+        assert!(between([-1.5, -1.5], [1.5, 1.5]));
+        assert!(!between([-0.1, 0.2], [-0.01, -0.9]));
+        // Past the wall's ends.
+        assert!(!between([-0.1, 1.2], [0.1, 1.2]));
+        assert!(!between([-1.9, 0.5], [0.3, 1.9]));
+    }
+
+    /// Catches points of a check that rounding puts behind what meets the border, and others that are left out.
+    #[test]
+    fn a_point_is_on_the_border_within_a_few_tolerances_of_it() {
+        let geometry = floor_and_wall();
+        let (wall, middle, tolerance) = (geometry.root(1), geometry.middle.as_vec3(), geometry.tolerance);
+        let is_on = |y: f32, z: f32| is_on_border(Vec3::new(0.0, y, z) - middle, &wall, &geometry);
+        for (distance, expected) in [(0.0, true), (BESIDE - 1.0, true), (BESIDE + 1.0, false), (1000.0, false)] {
+            let off = distance * tolerance;
+            for (y, z) in [(off, 0.0), (1.0 - off, 0.5), (0.5, 1.0 - off), (0.3, off - 1.0)] {
+                assert_eq!(is_on(y, z), expected, "{distance}: {y} {z}");
+            }
+        }
     }
 }

@@ -8,7 +8,7 @@ use crate::ideas::Ideas;
 use crate::link::{CLUSTER, Link, MIDDLE, State};
 use crate::oracle::{SMOOTH, STEP};
 use crate::order::Order;
-use crate::rays::{Jitter, Packet, RAYS, evenness, own_point, point_of, sample};
+use crate::rays::{Jitter, Packet, RAYS, beside_own_point, evenness, point_of, sample};
 use crate::sight::{Sight, Steps, byte, centre, chance, fit, not_whole, shaded, sight};
 use glam::Vec3;
 use isolux_core::sampling::mix;
@@ -18,6 +18,9 @@ use std::f32::consts::FRAC_1_PI;
 /// Corners where what a receiver may get at most is asked are moved towards its middle by this share: in the plane of a wall
 /// that stands on the border its factor is 0 from one side and 1/2 from the other.
 const CORNER_INSET: f32 = 0.01;
+
+/// Tells rays that are asked anew from those before.
+const AGAIN: u64 = 0x5eed;
 
 /// Distance of middles, in sums of radii, below which nodes are neighbours.
 const NEAR: f32 = 1.5;
@@ -260,8 +263,8 @@ impl Evaluator<'_> {
         for k in 0..RAYS {
             let [s, t, u, v] = jitter.four();
             let [e, f, _, _] = if (a | b) & CLUSTER != 0 { jitter.four() } else { [0.0; 4] };
-            let (from, one, place) = sample(a, k, [s, t], e, self.clusters, self.elements);
-            let (to, two, target) = sample(b, pairing(k), [u, v], f, self.clusters, self.elements);
+            let (from, one, place) = sample(a, k, [s, t], e, self.clusters, self.elements, self.geometry);
+            let (to, two, target) = sample(b, pairing(k), [u, v], f, self.clusters, self.elements, self.geometry);
             let [normal, other] = [one, two].map(|polygon| self.geometry.surfaces[polygon as usize].normal);
             (starts[k], ends[k]) = (place, target);
             if hidden[0] || hidden[1] {
@@ -314,6 +317,31 @@ impl Evaluator<'_> {
             Sight { state, ..sight }
         };
         [of(at_a, b, hidden[1]), of(at_b, a, hidden[0])]
+    }
+
+    /// A link that is kept, with what is known of its visibility by rays that had no say in that.
+    ///
+    /// Links all of whose 16 rays got through are kept more often than others, and some of what they join lies in shadow
+    /// all the same: taken as they are, they bring too much. What would get through on average is what other rays say of those
+    /// that are kept. [`State`] goes on telling what the first ones said, so that the second are no reason to split.
+    pub(crate) fn seen_again(&self, mut link: Link) -> Link {
+        let state = link.state;
+        if state.rays_of_points() > 0 || state.visibility < 255 || state.is(State::CLEAR) || state.is(State::GRAZING) {
+            return link;
+        }
+        let again = Evaluator { seed: mix(self.seed ^ AGAIN), ..*self };
+        let [sight, _] = again.between(link.receiver, link.source, false);
+        if sight.state.visibility == 255 || sight.state.rays_between() == 0.0 {
+            return link;
+        }
+        let at = if sight.state.is(State::DARK) { [0.0; 5] } else { sight.at };
+        if link.receiver & CLUSTER == 0 {
+            (0..5).for_each(|k| link.factors[k] *= at[k]);
+        } else {
+            link.factors[0] *= at[MIDDLE];
+        }
+        link.state = not_whole(state);
+        link
     }
 
     /// May another face lie on some of a node, in its plane?
@@ -369,7 +397,7 @@ impl Evaluator<'_> {
                     let from;
                     (from, quarters[ray]) = if x.crossed {
                         let place = (index ^ turn) % open.len();
-                        (own_point(x, open[place]).0, place)
+                        (beside_own_point(x, open[place], [u, v], self.geometry).0, place)
                     } else {
                         (point_in(x, k, depth, part, [u, v]), part >> (2 * (depth.min(FINEST) - 1)) & 3)
                     };

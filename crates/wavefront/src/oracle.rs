@@ -2,6 +2,7 @@
 
 use crate::evaluate::Evaluator;
 use crate::field::{mean, to_corners};
+use crate::geometry::Element;
 use crate::light::Light;
 use crate::link::{CLUSTER, Link, State};
 use crate::sight::chance;
@@ -24,11 +25,13 @@ pub(crate) struct Errors {
     pub(crate) source: f32,
     /// What the rays leave open.
     pub(crate) noise: f32,
+    /// What places of the receiver that no ray was sent from leave open.
+    pub(crate) hidden: f32,
 }
 
 impl Errors {
     pub(crate) fn square(&self) -> f32 {
-        self.receiver * self.receiver + self.source * self.source + self.noise * self.noise
+        self.receiver * self.receiver + self.source * self.source + self.noise * self.noise + self.hidden * self.hidden
     }
 }
 
@@ -56,6 +59,11 @@ const LEAST_SEEN: f32 = 0.5;
 
 /// Visibility that 16 blocked rays leave possible, as root mean square: 1/18.
 const UNSEEN: f32 = 1.0 / 324.0;
+
+/// Parts of a receiver that are open where they were asked, of 16, from which on they speak for the rest of what is open there.
+/// Measured: with 16, ground among houses is split twice as finely for an eightieth less error; without any, a floor that is
+/// under a rug but for its edge takes the shadow at one place of it for that at all.
+const ENOUGH: f32 = 6.0;
 
 /// What rays leave open of a visibility's slopes, over what they leave open of its mean, as variances. Between quarters of a
 /// receiver 16 rays tell no difference below chance; what chance makes in spite of that is about as large as the mean's. With
@@ -90,6 +98,17 @@ fn noise(state: State, evenness: impl FnOnce() -> f32) -> f32 {
     } else {
         chance(v, rays * evenness()) + 1.0 / (5.0 * rays + 2.0) / (5.0 * rays + 2.0)
     }
+}
+
+/// RMS of what no number of rays tells of a visibility, where something stands on the receiver: rays start in those of its
+/// parts that are open where they were asked, and others may have open places, too. With [`ENOUGH`] that is no matter.
+fn hidden(receiver: &Element, state: State) -> f32 {
+    if !receiver.crossed || receiver.open == u16::MAX || state.is(State::CLEAR) {
+        return 0.0;
+    }
+    // All places or none leave the posterior of a proportion.
+    let variance = |places: f32| 1.0 / (places + 2.0) / (places + 2.0);
+    (variance(receiver.open.count_ones() as f32) - variance(ENOUGH)).max(0.0).sqrt()
 }
 
 /// Errors of a link in today's light.
@@ -134,6 +153,7 @@ pub(crate) fn errors(link: &Link, evaluator: &Evaluator<'_>, light: &Light) -> E
         // On either side of what stands on the receiver one may see what the other does not.
         let divided = evaluator.elements[link.receiver as usize].divided && !state.is(State::CLEAR);
         errors.receiver = if divided { STEP * open } else { step * spread * open };
+        errors.hidden = hidden(&evaluator.elements[link.receiver as usize], state) * open;
         // What factors vary over the receiver is no error where leaves take them anew.
         let ideas = evaluator.ideas;
         if !(ideas.linear_receivers && ideas.leaves_anew || dark) {
@@ -212,7 +232,9 @@ pub(crate) fn verdict(link: &Link, evaluator: &Evaluator<'_>, light: &Light, lim
     // Where something stands on the receiver, all its links miss the same step: such errors add up as they are, and each
     // counts by what it adds to the square of the sum.
     let together = light.coherent(link.receiver).max(errors.receiver);
-    errors.receiver = (errors.receiver * together).sqrt();
+    // What lies hidden on a receiver its parts tell.
+    errors.receiver = (errors.receiver * together).sqrt().hypot(errors.hidden);
+    errors.hidden = 0.0;
     if weight * errors.square() <= limit {
         return Verdict::Keep;
     }

@@ -98,6 +98,19 @@ pub(crate) fn own_point(element: &Element, index: usize) -> (Vec3, [f32; 2]) {
     point_of(element, 2, index, [s, t])
 }
 
+/// A point of part `index` of 16 of an element that something stands on, as [`point_of`]: covered if the part's own point is,
+/// as no line of contact lies between the two. Where one would, the own point.
+pub(crate) fn beside_own_point(
+    element: &Element,
+    index: usize,
+    jitter: [f32; 2],
+    geometry: &Geometry,
+) -> (Vec3, [f32; 2]) {
+    let own = own_point(element, index);
+    let place = point_of(element, 2, index, jitter);
+    if geometry.contacts.between(own.0, place.0, element.polygon, geometry) { own } else { place }
+}
+
 /// A point of an element, spread evenly over its area whatever its shape, for `jitter` in [0, 1)².
 pub(crate) fn even_point_of(element: &Element, jitter: [f32; 2]) -> Vec3 {
     let [a, b, c, d] = element.corners;
@@ -197,6 +210,7 @@ pub(crate) fn sample(
     extra: f32,
     clusters: &Clusters,
     elements: &[Element],
+    geometry: &Geometry,
 ) -> (Vec3, u32, [f32; 2]) {
     let (element, (point, place)) = if node & CLUSTER != 0 {
         let share = (index as f32 + extra) / RAYS as f32;
@@ -204,7 +218,7 @@ pub(crate) fn sample(
         (element, point_of(element, 0, 0, jitter))
     } else {
         let element = &elements[node as usize];
-        let own = element.crossed.then(|| own_point(element, index));
+        let own = element.crossed.then(|| beside_own_point(element, index, jitter, geometry));
         (element, own.unwrap_or_else(|| point_of(element, 2, index, jitter)))
     };
     (point, element.polygon, place)

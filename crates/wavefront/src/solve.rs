@@ -282,12 +282,15 @@ impl Prepared {
             let asked = bound.is_some() || by_links <= SLACK * request.error;
             let begun_check = Instant::now();
             let mut found = asked.then(|| check(&transport, &light, request.error, request.seed, None));
+            // Is it for want of points that the error is not known to be as small as asked? One standard error of its square
+            // may be chance.
             let is_doubted = |found: &Check| {
                 let claimed = claim(found, 0.0, 0.0);
                 let within = |asked: f64, all: f64, dark: f64| {
                     all <= MARGIN * asked && request.dark.is_none_or(|asked| dark <= MARGIN * asked)
                 };
-                within(request.error, found.all.error, found.dark.error)
+                let least = |found: Found| (found.error * found.error - found.square_error).max(0.0).sqrt();
+                within(request.error, least(found.all), least(found.dark))
                     && !within(request.error, claimed.total, claimed.dark)
             };
             if let Some(found) = found.as_mut().filter(|found| is_doubted(found)) {
