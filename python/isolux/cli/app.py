@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from isolux import __version__
-from isolux.cli import bake, inspect, measure, relight, render, solve, study, view
+from isolux.cli import bake, inspect, measure, relight, render, report, solve, study, view
 from isolux.cli.options import GATHER_RAYS
 from isolux.cli.terminal import say
 from isolux.exceptions import (
@@ -54,6 +54,7 @@ app.command()(render.render)
 app.command()(view.view)
 app.command()(relight.relight)
 app.command()(measure.measure)
+app.command()(report.report)
 app.command()(study.study)
 
 
