@@ -387,3 +387,17 @@ def test_ctrl_c_ends_a_measurement_that_would_take_hours(hall_file, tmp_path):
     assert time.monotonic() - since < 5.0
     assert error.splitlines()[-1] == "isolux: cancelled"
     assert not target.exists()
+
+
+def test_what_is_not_there_is_a_dash(isolux_command, hall_file, tmp_path):
+    """Catches "nan" in a table, in JSON or in CSV, where no point counts, and ratios of nothing."""
+    points = tmp_path / "outside.csv"
+    points.write_text("-5,1,3\n")
+    arguments = ("measure", hall_file, "--points", points, "--samples", 8, "--progress", "none")
+    done = isolux_command(*arguments, "--summary", tmp_path / "table.csv")
+    assert (done.returncode, "nan" in done.stdout) == (0, False), done.stderr
+    assert " - " in done.stdout
+    assert "nan" not in (tmp_path / "table.csv").read_text()
+    told = json.loads(isolux_command(*arguments, "--json", "-").stdout)
+    statistics = told["measurements"][0]["quantities"]["plane"]
+    assert (statistics["average"], statistics["count"]) == (None, 0)

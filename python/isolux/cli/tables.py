@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from rich.markup import escape
@@ -355,19 +356,23 @@ def measurements(found: Measurements) -> Table:
         (
             entry.name,
             quantity,
-            f"{told.average:.4g}",
-            f"{told.minimum:.4g}",
-            f"{told.maximum:.4g}",
-            f"{told.uniformity:.2f}",
-            f"{told.diversity:.2f}",
+            _or_dash(told.average, ".4g"),
+            _or_dash(told.minimum, ".4g"),
+            _or_dash(told.maximum, ".4g"),
+            _or_dash(told.uniformity, ".2f"),
+            _or_dash(told.diversity, ".2f"),
             entry.unit,
-            "" if told.largest_error is None else f"{told.largest_error:.1g}",
+            "" if told.largest_error is None else _or_dash(told.largest_error, ".1g"),
             f"{told.count:,}" + (f" (+{entry.left_out:,} left out)" if entry.left_out else ""),
         )
         for entry in found.measurements
         for quantity, told in ((name, value.statistics) for name, value in entry.quantities.items())
     )
     return _table(names, rows)
+
+
+def _or_dash(value: float, form: str) -> str:
+    return format(value, form) if math.isfinite(value) else "-"
 
 
 def _weight(weight: Bands) -> str:
