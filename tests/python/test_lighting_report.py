@@ -20,6 +20,7 @@ def test_lines_of_equal_illuminance_are_round():
     assert levels(480.0, 520.0) == [490.0, 500.0, 510.0]
     assert levels(0.0, 0.0) == []
     assert levels(float("nan"), float("nan")) == []
+    assert levels(8.0, 1600.0) == [15.0, 30.0, 75.0, 150.0, 300.0, 750.0, 1500.0]
     assert 3 <= len(levels(0.0, 5000.0)) <= 9
 
 

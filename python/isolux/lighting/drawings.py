@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.collections import LineCollection
+from matplotlib.colors import LogNorm, Normalize
 from matplotlib.ticker import MaxNLocator
 
 from isolux import plots
@@ -29,6 +30,8 @@ _FEWEST, _MOST = 3, 9
 _HEIGHT = 4.3
 #: Lines of the scene's cut and lights' outlines, at most: a plan of more is black.
 _MOST_LINES = 20_000
+#: Where the highest value is more than so many times the lowest, colours go by logarithms: a patch of sun.
+_WIDE = 20.0
 #: Cells that are drawn one by one; of more, one picture is made.
 _MOST_CELLS = 400
 
@@ -43,7 +46,8 @@ def levels(low: float, high: float) -> list[float]:
     if _FEWEST <= len(found) <= _MOST:
         return found
     if len(found) > _MOST:
-        return found[-_MOST:]
+        # Every second or third one, from the highest.
+        return found[:: -math.ceil(len(found) / _MOST)][::-1]
     even = MaxNLocator(nbins=6, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high)
     return [float(value) for value in even if low < value < high]
 
@@ -86,10 +90,11 @@ def plan(
     columns, rows = frame.edges
     low, high = _range(flat)
     usual: dict[str, Any] = {"cmap": "viridis", "shading": "flat", "rasterized": values.size > _MOST_CELLS}
-    usual |= {"vmin": low, "vmax": high}
+    is_wide = low > 0.0 and high > _WIDE * low
+    usual["norm"] = LogNorm(low, high) if is_wide else Normalize(low, high)
     shown = np.ma.masked_invalid(values)
     colours = axes.pcolormesh(columns, rows, shown, **usual)
-    lines = levels(low, high)
+    lines = [value for value in levels(low, high) if (flat > value).any()]
     if lines and min(values.shape) > 1:
         middles = (columns[:-1] + columns[1:]) / 2.0, (rows[:-1] + rows[1:]) / 2.0
         drawn = axes.contour(*middles, _smooth(values), levels=lines, colors="white", linewidths=0.9)
@@ -115,6 +120,9 @@ def plan(
     axes.set_ylabel(frame.names[1])
     bar = figure.colorbar(colours, ax=axes, pad=0.02, fraction=0.05, extend=_beyond(flat, low, high))
     bar.set_label(f"{found.quantity}, {entry.unit}")
+    if is_wide:
+        bar.set_ticks(lines, labels=[f"{value:g}" for value in lines])
+        bar.ax.minorticks_off()
     for value in lines:
         bar.ax.axhline(value, color="white", linewidth=0.9)
     return figure

@@ -261,7 +261,7 @@ def _planes(
             caption = (
                 f"{_words(found.quantity)}, {entry.unit}: average {number(told.average)}, min "
                 f"{number(told.minimum)}, max {number(told.maximum)}, U0 {uniformity}, of the points marked. "
-                "White lines: equal illuminance. Black: what the plane cuts; dashed: outlines of lights."
+                "White lines: equal illuminance. Black: what the plane cuts; dashed, crosses: lights."
             )
             blocks.append(Drawing(f"plan-{row}-{column}", figure, caption))
         blocks.append(Text(_grid_words(entry)))
