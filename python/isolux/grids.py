@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 
     from isolux.scene import Scene
 
+    #: Whether something holds, by point.
+    Flags = NDArray[np.bool_]
+
 __all__ = ["BORDER", "Grid", "counts", "largest_cell", "over_object", "rectangle"]
 
 #: Zone along the walls that is left out, metres: EN 12464-1 has it, except where a task lies in it.
@@ -57,7 +60,7 @@ class Grid:
     across: tuple[float, float, float]
     columns: int
     rows: int
-    kept: NDArray[np.bool_]
+    kept: Flags
 
     @property
     def points(self) -> NDArray[np.float64]:
@@ -239,7 +242,7 @@ def _ground(scene: Scene, floor: str, name: str) -> tuple[NDArray[np.float64], f
     return plan, float(heights.mean())
 
 
-def _over(points: NDArray[np.float64], triangles: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _over(points: NDArray[np.float64], triangles: NDArray[np.float64]) -> Flags:
     """Which points of the plan lie in one of the triangles, borders included."""
     a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
     kept = np.zeros(len(points), bool)

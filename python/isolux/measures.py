@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
+    from isolux.grids import Flags
     from isolux.report import Bands, Unit
     from isolux.solution import Solution
 
@@ -183,7 +184,7 @@ class Measurement:
     #: (n, 3) unit vectors; none of a surface.
     normals: NDArray[np.float64] | None
     #: (n,) whether a point counts: it is neither inside something solid nor behind the room's walls.
-    used: NDArray[np.bool_]
+    used: Flags
     #: How the points lie; none but of a plane. `Grid.kept` says which points of the whole grid these are.
     grid: Grid | None
     quantities: Mapping[str, Measured]
@@ -666,10 +667,10 @@ class _Leaves:
         whole = np.bincount(polygon[roots], elements["area"][roots], len(scene["object"]))
         self._areas = whole[:fronts]
         self._reflectance = scene["reflectance"][:fronts]
-        self._emits: NDArray[np.bool_] = scene["emission"][:fronts].max(axis=1) > 0.0
+        self._emits: Flags = scene["emission"][:fronts].max(axis=1) > 0.0
 
-    def of(self, number: int) -> NDArray[np.bool_]:
-        own: NDArray[np.bool_] = self.objects == number
+    def of(self, number: int) -> Flags:
+        own: Flags = self.objects == number
         return own
 
     def row(self, number: int, name: str) -> SurfaceRow:
