@@ -9,6 +9,7 @@
 from isolux import exceptions
 from isolux._isolux import Progress, __version__
 from isolux.exceptions import Cancelled, IsoluxError
+from isolux.measures import Measurements, Plane, Points, Surface, measure
 from isolux.photometry import Photometry, read_photometry
 from isolux.report import Issue, Report
 from isolux.scene import Lamp, Light, LightGroup, Material, Scene, load
@@ -24,15 +25,20 @@ __all__ = [
     "Light",
     "LightGroup",
     "Material",
+    "Measurements",
     "Photometry",
+    "Plane",
+    "Points",
     "Progress",
     "Report",
     "Scene",
     "Settings",
     "Solution",
+    "Surface",
     "__version__",
     "exceptions",
     "load",
+    "measure",
     "open",
     "read_photometry",
     "solve",

@@ -42,7 +42,7 @@ class Progress:
     @property
     def phase(
         self,
-    ) -> Literal["tree", "pilot", "root-links", "iteration", "interpolation", "balance", "render"]:
+    ) -> Literal["tree", "pilot", "root-links", "iteration", "interpolation", "balance", "render", "measure"]:
         """What is being done."""
     @property
     def done(self) -> float:
@@ -180,6 +180,23 @@ class Solution:
         threads: int,
         progress: Callable[[Progress], object] | None = None,
     ) -> NDArray[np.float64]: ...
+    def measure(
+        self,
+        points: NDArray[np.float64],
+        kind: str,
+        directions: NDArray[np.float64],
+        facing: NDArray[np.float64] | None,
+        samples: int,
+        weights: _Bands,
+        threads: int,
+        progress: Callable[[Progress], object] | None = None,
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]: ...
+    def looks(
+        self,
+        points: NDArray[np.float64],
+        threads: int,
+        progress: Callable[[Progress], object] | None = None,
+    ) -> tuple[NDArray[np.float64], NDArray[np.uint8]]: ...
 
 def solve(
     scene: Scene, settings: str, progress: Callable[[Progress], object] | None = None

@@ -14,6 +14,7 @@ __all__ = [
     "Cancelled",
     "InternalError",
     "IsoluxError",
+    "MeasureError",
     "MissingExtraError",
     "NoLightError",
     "NotRelightableError",
@@ -82,6 +83,10 @@ class WriteError(IsoluxError):
 
 class RenderError(IsoluxError, ValueError):
     """A view makes no sense."""
+
+
+class MeasureError(IsoluxError, ValueError):
+    """A measure makes no sense: an object that does not exist, a plane without area, a point nowhere."""
 
 
 class InternalError(IsoluxError):

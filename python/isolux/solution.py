@@ -20,9 +20,11 @@ from isolux.settings import Quality, Schedule, Settings
 
 if TYPE_CHECKING:
     import os
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from numpy.typing import ArrayLike, NDArray
+
+    from isolux.measures import Measurements, Spec
 
     #: A read-only dict of read-only arrays.
     Arrays = Mapping[str, NDArray[Any]]
@@ -151,6 +153,73 @@ class Solution:
         Parameters, result and errors are those of `radiosity_at`.
         """
         return self._inner.irradiance_at(integers("face", face), floats("barycentric", barycentric))
+
+    def irradiance_in_air(
+        self,
+        points: ArrayLike,
+        normals: ArrayLike | None = None,
+        *,
+        samples: int = 1024,
+        threads: int = 0,
+        progress: OnProgress | None = None,
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Irradiance at points that lie anywhere, on small planes that look along `normals`, by rays.
+
+        Lamps without a surface come by shadow rays, lights by their form factor in closed form times the
+        share of them that rays find visible, reflected light by rays that read the solved light where they
+        end. From directions in which nothing is met comes nothing. The same point has the same value in every
+        run.
+
+        Parameters
+        ----------
+        points
+            (m, 3) metres.
+        normals
+            (m, 3) directions of any length; one (3,) for all of them; None: up.
+        samples
+            Rays around each point, 8 to 65,536, and half as many to lights.
+        threads
+            Threads; 0 stands for all cores. Never changes a value.
+        progress
+            Called about twenty times a second.
+
+        Returns
+        -------
+        numpy.ndarray, numpy.ndarray
+            (m, 3) linear RGB, lm/m² or W/m²; and its standard error, (m, 3), which the choice of rays leaves.
+            How wrong the solved light is that they read, ``report.error_estimate`` tells.
+
+        Raises
+        ------
+        MeasureError
+            Naming the point or the setting that makes no sense.
+        ValueError
+            Naming the argument whose shape or type is wrong.
+        """
+        places = floats("points", points)
+        looks = np.array([0.0, 1.0, 0.0]) if normals is None else floats("normals", normals)
+        if looks.shape == (3,):
+            looks = np.tile(looks, (len(places) if places.ndim else 0, 1))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            # What has no length stays without a direction, and is refused by name.
+            looks = looks / np.linalg.norm(looks, axis=-1, keepdims=True)
+        values, errors, _ = self._inner.measure(
+            places, "plane", looks, None, samples, (1.0, 1.0, 1.0), threads, progress
+        )
+        return values, errors
+
+    def measure(
+        self,
+        specs: Iterable[Spec],
+        *,
+        samples: int = 1024,
+        threads: int = 0,
+        progress: OnProgress | None = None,
+    ) -> Measurements:
+        """Measure on planes, at points and on surfaces: `isolux.measure` of this solution."""
+        from isolux.measures import measure  # noqa: PLC0415 (it is one of those that know solutions)
+
+        return measure(self, specs, samples=samples, threads=threads, progress=progress)
 
     def matches(self, scene: Scene) -> bool:
         """Tell whether this is a solution of `scene`, by its hash; a relit one also of what was solved."""
@@ -377,7 +446,7 @@ class Solution:
                 split["links"]["form_factor"] = _form_factors(
                     split["links"], split["elements"]["corner_count"]
                 )
-            names = ("elements", "links", "clusters")
+            names = ("elements", "links", "clusters", "scene")
             self._groups = {name: MappingProxyType(split.get(name, {})) for name in names}
         return self._groups[group]
 

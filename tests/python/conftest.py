@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
 import pytest
 
 import isolux
@@ -80,6 +81,57 @@ def scene_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
         lines += ["f " + " ".join(str(corner + 1) for corner in corners)]
     path = folder / "box.obj"
     path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+@pytest.fixture(scope="session")
+def hall() -> isolux.Solution:
+    """A black box of 8 x 3 x 6 m whose ceiling emits 100 lm/m², with a solid cube of 1 m on its floor."""
+    corners = np.array(CUBE) * [8.0, 3.0, 6.0]
+    block = np.add(CUBE, [1.0, 0.0, 1.0])
+    sides = list(SIDES.values())
+    faces = [
+        *sides,
+        *([corner + 8 for corner in side[::-1]] for name, side in SIDES.items() if name != "floor"),
+    ]
+    names = [*SIDES, *["block"] * 5]
+    materials = [isolux.Material("black", 0.0), isolux.Material("light", 0.0, 100.0)]
+    lit = [1 if name == "ceiling" else 0 for name in names]
+    scene = isolux.Scene.from_arrays(
+        np.concatenate((corners, block)), faces, materials, names, face_materials=lit, name="hall"
+    )
+    return isolux.solve(scene, error=0.1, seed=0)
+
+
+@pytest.fixture(scope="session")
+def hall_file(hall: isolux.Solution, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("hall") / "hall.isolux"
+    hall.save(path)
+    return path
+
+
+MEASURES = """
+[[plane]]
+name = "working plane"
+over = "floor"
+spacing = 1.0
+quantities = ["plane", "cylindrical"]
+
+[[points]]
+name = "eyes"
+file = "eyes.csv"
+quantities = ["vertical:+x"]
+
+[[surface]]
+object = "left"
+"""
+
+
+@pytest.fixture
+def measures(tmp_path: Path) -> Path:
+    (tmp_path / "eyes.csv").write_text("name, x, y, z\nfirst, 4, 1.2, 3\n\nsecond, 1.5, 0.5, 1.5\n")
+    path = tmp_path / "hall.toml"
+    path.write_text(MEASURES)
     return path
 
 

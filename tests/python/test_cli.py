@@ -39,7 +39,7 @@ def test_help_has_examples(isolux_command):
     top = isolux_command("--help")
     assert top.returncode == 0
     assert "Exit codes" in top.stdout
-    for command in ("inspect", "solve", "bake", "render", "view", "relight", "study"):
+    for command in ("inspect", "solve", "bake", "render", "view", "relight", "measure", "report", "study"):
         done = isolux_command(command, "--help")
         assert done.returncode == 0
         assert "For example:" in done.stdout

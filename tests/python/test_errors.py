@@ -80,6 +80,12 @@ EXPECTED = {
     "RenderError::Gather": ("RenderError", "gather: 0 rays (1 to 65536)"),
     "RenderError::Threads": ("RenderError", "threads: 1000000, but the system grants fewer"),
     "RenderError::Cancelled": ("KeyboardInterrupt", "cancelled"),
+    "MeasureError::Point": ("MeasureError", "points[3] is [NaN, NaN, NaN]: expected finite coordinates"),
+    "MeasureError::Direction": ("MeasureError", "normals[3] is [0, 0, 0]: expected a unit vector"),
+    "MeasureError::Count": ("MeasureError", "2 receivers for 3 points"),
+    "MeasureError::Rays": ("MeasureError", "samples: 0 rays (8 to 65536)"),
+    "MeasureError::Threads": ("MeasureError", "threads: 1000000, but the system grants fewer"),
+    "MeasureError::Cancelled": ("KeyboardInterrupt", "cancelled"),
     "ReadError::Io": ("ReadError", "room.glb: cannot be read: no such file"),
     "ReadError::UnknownFormat": (
         "ReadError",

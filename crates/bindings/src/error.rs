@@ -8,14 +8,15 @@ use isolux::formats::write::WriteError as FormatsWriteError;
 use isolux::photometry::PhotometryError as CratePhotometryError;
 use isolux::study::StudyError;
 use isolux::{
-    RecordError, RelightError as FacadeRelightError, RenderError as FacadeRenderError,
-    SettingsError as FacadeSettingsError, SolveError,
+    MeasureError as FacadeMeasureError, RecordError, RelightError as FacadeRelightError,
+    RenderError as FacadeRenderError, SettingsError as FacadeSettingsError, SolveError,
 };
 use pyo3::import_exception;
 use pyo3::prelude::*;
 use pyo3::types::PyList;
 
 import_exception!(isolux.exceptions, InternalError);
+import_exception!(isolux.exceptions, MeasureError);
 import_exception!(isolux.exceptions, NoLightError);
 import_exception!(isolux.exceptions, NotRelightableError);
 import_exception!(isolux.exceptions, PhotometryError);
@@ -129,6 +130,21 @@ impl PythonError for FacadeRenderError {
             | FacadeRenderError::Threads { .. } => RenderError::new_err(message),
             // What the observer raised is what the caller sees; this is for an observer that just says stop.
             FacadeRenderError::Cancelled => pyo3::exceptions::PyKeyboardInterrupt::new_err(message),
+        }
+    }
+}
+
+impl PythonError for FacadeMeasureError {
+    fn exception(self) -> PyErr {
+        let message = self.to_string();
+        match self {
+            FacadeMeasureError::Point { .. }
+            | FacadeMeasureError::Direction { .. }
+            | FacadeMeasureError::Count { .. }
+            | FacadeMeasureError::Rays { .. }
+            | FacadeMeasureError::Threads { .. } => MeasureError::new_err(message),
+            // What the observer raised is what the caller sees; this is for an observer that just says stop.
+            FacadeMeasureError::Cancelled => pyo3::exceptions::PyKeyboardInterrupt::new_err(message),
         }
     }
 }
@@ -295,6 +311,21 @@ pub(crate) fn error_samples(py: Python<'_>) -> PyResult<Bound<'_, PyList>> {
         ("RenderError::Gather", FacadeRenderError::Gather { rays: 0, most: 65_536 }.exception()),
         ("RenderError::Threads", FacadeRenderError::Threads { threads: 1_000_000 }.exception()),
         ("RenderError::Cancelled", FacadeRenderError::Cancelled.exception()),
+        ("MeasureError::Point", FacadeMeasureError::Point { index: 3, point: isolux::core::DVec3::NAN }.exception()),
+        (
+            "MeasureError::Direction",
+            FacadeMeasureError::Direction {
+                what: "normals",
+                index: 3,
+                direction: isolux::core::DVec3::ZERO,
+                expected: "a unit vector",
+            }
+            .exception(),
+        ),
+        ("MeasureError::Count", FacadeMeasureError::Count { points: 3, receivers: 2 }.exception()),
+        ("MeasureError::Rays", FacadeMeasureError::Rays { rays: 0, least: 8, most: 65_536 }.exception()),
+        ("MeasureError::Threads", FacadeMeasureError::Threads { threads: 1_000_000 }.exception()),
+        ("MeasureError::Cancelled", FacadeMeasureError::Cancelled.exception()),
         ("ReadError::Io", FormatsReadError::Io { file: file(), reason: "no such file".into() }.exception()),
         (
             "ReadError::UnknownFormat",

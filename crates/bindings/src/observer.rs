@@ -42,6 +42,7 @@ fn phase_name(phase: Phase) -> &'static str {
         Phase::Interpolation => "interpolation",
         Phase::Balance => "balance",
         Phase::Render => "render",
+        Phase::Measure => "measure",
     }
 }
 

@@ -10,7 +10,9 @@ use isolux::core::DVec3;
 use isolux::core::units::Rgb;
 use isolux::flat;
 use isolux::formats::write::{self, GlbOptions, Picture, PngOptions, Provenance, Recall, ToneMap};
-use isolux::{Array, Changes, Record, RenderSettings, Solution as FacadeSolution, View, ViewLimits};
+use isolux::{
+    Array, Changes, MeasureSettings, Receiver, Record, RenderSettings, Solution as FacadeSolution, View, ViewLimits,
+};
 use numpy::PyReadonlyArrayDyn;
 use pyo3::exceptions::{PyIndexError, PyValueError};
 use pyo3::prelude::*;
@@ -81,6 +83,79 @@ impl Solution {
         barycentric: PyReadonlyArrayDyn<'py, f64>,
     ) -> PyResult<Bound<'py, PyAny>> {
         self.at(py, &face, &barycentric, FacadeSolution::irradiance_at)
+    }
+
+    /// Irradiance of receivers at points: (m, 3), its standard error: (m, 3), and that of the bands' weighted sum: (m,).
+    /// `kind`: `"plane"` (looking along `directions`), `"cylinder"` (about them), or `"semicylinder"` (about them, looking along
+    /// `facing`, which others do without).
+    #[pyo3(signature = (points, kind, directions, facing, samples, weights, threads, progress=None))]
+    #[expect(clippy::too_many_arguments, reason = "one argument per choice; Python passes them by name")]
+    fn measure<'py>(
+        &self,
+        py: Python<'py>,
+        points: PyReadonlyArrayDyn<'py, f64>,
+        kind: &str,
+        directions: PyReadonlyArrayDyn<'py, f64>,
+        facing: Option<PyReadonlyArrayDyn<'py, f64>>,
+        samples: u32,
+        weights: [f64; 3],
+        threads: usize,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+        let vectors = |name: &str, array: &PyReadonlyArrayDyn<'py, f64>| -> PyResult<Vec<DVec3>> {
+            Ok(rows::<f64, 3>(name, array)?.into_iter().map(DVec3::from_array).collect())
+        };
+        let (points, directions) = (vectors("points", &points)?, vectors("normals", &directions)?);
+        same_length("normals", directions.len(), "points", points.len())?;
+        let receivers: Vec<Receiver> = match (kind, facing) {
+            ("plane", None) => directions.into_iter().map(Receiver::Plane).collect(),
+            ("cylinder", None) => directions.into_iter().map(Receiver::Cylinder).collect(),
+            ("semicylinder", Some(facing)) => {
+                let facing = vectors("facing", &facing)?;
+                same_length("facing", facing.len(), "points", points.len())?;
+                let pair = |(axis, facing)| Receiver::SemiCylinder { axis, facing };
+                directions.into_iter().zip(facing).map(pair).collect()
+            }
+            _ => return Err(PyValueError::new_err(format!("'{kind}' is no receiver, or what it faces is amiss"))),
+        };
+        let settings = MeasureSettings { rays: samples, weights: Rgb(weights), threads };
+        let mut observer = PythonObserver::new(progress);
+        let found = guarded(py, || isolux::measure(&self.inner, &points, &receivers, &settings, &mut observer))?;
+        let found = match (observer.raised, found) {
+            (Some(raised), _) => return Err(raised),
+            (None, found) => found.map_err(to_python)?,
+        };
+        let count = found.len();
+        let irradiance = flat::bands(found.iter().map(|entry| entry.irradiance));
+        let errors = flat::bands(found.iter().map(|entry| entry.standard_error));
+        let totals = found.iter().map(|entry| entry.total_error).collect();
+        Ok((
+            read_only(py, irradiance, &[count, 3])?,
+            read_only(py, errors, &[count, 3])?,
+            read_only(py, totals, &[count])?,
+        ))
+    }
+
+    /// What points see around them, as shares of all directions: fronts, covered fronts, backs, nothing: (m, 4); and whether that
+    /// makes each a point that is in no room: (m,), 1 or 0.
+    #[pyo3(signature = (points, threads, progress=None))]
+    fn looks<'py>(
+        &self,
+        py: Python<'py>,
+        points: PyReadonlyArrayDyn<'py, f64>,
+        threads: usize,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+        let points: Vec<DVec3> = rows::<f64, 3>("points", &points)?.into_iter().map(DVec3::from_array).collect();
+        let mut observer = PythonObserver::new(progress);
+        let looks = guarded(py, || isolux::looks(&self.inner, &points, threads, &mut observer))?;
+        let looks = match (observer.raised, looks) {
+            (Some(raised), _) => return Err(raised),
+            (None, looks) => looks.map_err(to_python)?,
+        };
+        let shares = looks.iter().flat_map(|look| [look.fronts, look.covered, look.backs, look.open]).collect();
+        let out = looks.iter().map(|look| u8::from(look.is_out())).collect();
+        Ok((read_only(py, shares, &[looks.len(), 4])?, read_only(py, out, &[looks.len()])?))
     }
 
     /// The surfaces as triangles with values at their vertices, as named arrays.

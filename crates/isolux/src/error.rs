@@ -198,3 +198,55 @@ pub enum RenderError {
     #[error("cancelled")]
     Cancelled,
 }
+
+/// Why nothing was measured.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum MeasureError {
+    /// A point that is nowhere.
+    #[error("points[{index}] is {point}: expected finite coordinates")]
+    Point {
+        /// Which one.
+        index: usize,
+        /// What it is.
+        point: isolux_core::DVec3,
+    },
+    /// A direction that a receiver cannot have.
+    #[error("{what}[{index}] is {direction}: expected {expected}")]
+    Direction {
+        /// Which direction of the receiver.
+        what: &'static str,
+        /// Which receiver.
+        index: usize,
+        /// What it is.
+        direction: isolux_core::DVec3,
+        /// What it should be.
+        expected: &'static str,
+    },
+    /// As many receivers as points belong together.
+    #[error("{receivers} receivers for {points} points")]
+    Count {
+        /// Points given.
+        points: usize,
+        /// Receivers given.
+        receivers: usize,
+    },
+    /// No rays, or more than make sense.
+    #[error("samples: {rays} rays ({least} to {most})")]
+    Rays {
+        /// Rays asked for.
+        rays: u32,
+        /// Least that there may be.
+        least: u32,
+        /// Most that there may be.
+        most: u32,
+    },
+    /// So many threads could not be had.
+    #[error("threads: {threads}, but the system grants fewer")]
+    Threads {
+        /// Threads asked for.
+        threads: usize,
+    },
+    /// The observer stopped it.
+    #[error("cancelled")]
+    Cancelled,
+}

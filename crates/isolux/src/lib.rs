@@ -3,6 +3,7 @@
 mod error;
 pub mod flat;
 mod groups;
+mod measure;
 mod pace;
 mod record;
 mod relight;
@@ -17,11 +18,12 @@ pub mod study;
 mod view;
 mod wavefront;
 
-pub use error::{RecordError, RelightError, RenderError, SettingsError, SolveError};
+pub use error::{MeasureError, RecordError, RelightError, RenderError, SettingsError, SolveError};
 pub use groups::{ALL, GroupedBy, LightGroup, LightGroups, MOST_GROUPS, light_groups};
 pub use isolux_core as core;
 pub use isolux_formats as formats;
 pub use isolux_photometry as photometry;
+pub use measure::{MeasureSettings, Received, looks, measure};
 pub use record::{Array, Data, Record};
 pub use relight::Changes;
 pub use render::{RenderSettings, View, render};
@@ -32,7 +34,9 @@ pub use report::{
 pub use settings::{Quality, Schedule, Settings};
 
 pub use isolux_core::solution::{Interpolation, Roots, Update};
-pub use isolux_wavefront::{ClusterColumns, Control, LinkColumns, Meeting, NO_GROUP, PointErrors, Tracer};
+pub use isolux_wavefront::{
+    ClusterColumns, Control, LinkColumns, Meeting, NO_GROUP, Outlook, PointErrors, Receiver, Tracer,
+};
 pub use solution::Solution;
 pub use solve::solve;
 pub use view::ViewLimits;

@@ -1,9 +1,10 @@
-//! A final gather: a point of a surface and a solved radiosity go in, the irradiance there comes out, by rays from the point
-//! itself. Shadows and contacts are then as sharp as they are, where a solve's own values end at its elements.
+//! A final gather: a point, of a surface or in the air, and a solved radiosity go in, the irradiance there comes out, by rays
+//! from the point itself. Shadows and contacts are then as sharp as they are, where a solve's own values end at its elements.
 
 use crate::geometry::{Element, Geometry};
-use crate::lamps::at_place;
+use crate::lamps::at_receiver;
 use crate::rays::{Packet, RAYS, point_of};
+use crate::receiver::Receiver;
 use crate::tracer::Tracer;
 use glam::{DVec3, Vec3};
 use isolux_core::kernels::Patch;
@@ -12,6 +13,7 @@ use isolux_core::scene::Corners;
 use isolux_core::solution::seen_factor;
 use isolux_core::tree::quarter;
 use isolux_core::units::Rgb;
+use std::f64::consts::PI;
 
 /// Emitters that each count by themselves at every point; of more, neighbours are grouped into as many groups.
 const MOST_SINGLE: usize = 64;
@@ -143,27 +145,56 @@ impl<'a> FinalGather<'a> {
         stream: &mut Stream,
         solved: &impl Fn(u32, DVec3) -> Rgb,
     ) -> Rgb {
-        let emitted = if self.emitters.groups.len() == self.emitters.polygons.len() {
-            self.emitted_by_each(point, side, share, stream)
-        } else {
-            self.emitted_by_groups(point, side, share, stream)
-        };
-        let lamps = at_place(self.tracer.place(point), side, &self.tracer.geometry, |_| true);
-        emitted + Rgb(lamps.map(f64::from)) + self.reflected(point, side, share, stream, solved)
+        let geometry = &self.tracer.geometry;
+        let exact = geometry.scene.polygons[side as usize].plane.normal;
+        // Rays to lamps know the normal in single precision, as a solve's do.
+        let rough = geometry.surfaces[side as usize].normal.as_dvec3();
+        self.gathered(point, [Receiver::Plane(exact), Receiver::Plane(rough)], share, stream, solved)
     }
 
-    /// What is reflected towards a point: `pi` times the mean radiance over directions by the cosine.
+    /// What a receiver in the air takes in, W/m² or lm/m²: see [`Receiver`]. Otherwise as [`FinalGather::irradiance`]; the
+    /// direct light of emitters on receivers that are not flat is found by rays to places on them, each weighted by what its
+    /// place throws, without a form factor in closed form.
+    pub fn received(
+        &self,
+        point: DVec3,
+        receiver: &Receiver,
+        share: u32,
+        stream: &mut Stream,
+        solved: &impl Fn(u32, DVec3) -> Rgb,
+    ) -> Rgb {
+        self.gathered(point, [*receiver; 2], share, stream, solved)
+    }
+
+    /// By a receiver, and by the one that lamps see.
+    fn gathered(
+        &self,
+        point: DVec3,
+        [receiver, for_lamps]: [Receiver; 2],
+        share: u32,
+        stream: &mut Stream,
+        solved: &impl Fn(u32, DVec3) -> Rgb,
+    ) -> Rgb {
+        let emitted = if self.emitters.groups.len() == self.emitters.polygons.len() {
+            self.emitted_by_each(point, &receiver, share, stream)
+        } else {
+            self.emitted_by_groups(point, &receiver, share, stream)
+        };
+        let lamps = at_receiver(self.tracer.place(point), &for_lamps, &self.tracer.geometry, |_| true);
+        emitted + Rgb(lamps.map(f64::from)) + self.reflected(point, &receiver, share, stream, solved)
+    }
+
+    /// What is reflected towards a point: `pi` times the mean radiance over directions as they count.
     fn reflected(
         &self,
         point: DVec3,
-        side: u32,
+        receiver: &Receiver,
         share: u32,
         stream: &mut Stream,
         solved: &impl Fn(u32, DVec3) -> Rgb,
     ) -> Rgb {
         let scene = &*self.tracer.geometry.scene;
-        let normal = scene.polygons[side as usize].plane.normal;
-        let (tangent, bitangent) = normal.any_orthonormal_pair();
+        let directions = receiver.directions();
         let step = f64::from(self.tracer.geometry.tolerance);
         let mut sum = Rgb::ZERO;
         let count = self.side * self.side;
@@ -172,9 +203,7 @@ impl<'a> FinalGather<'a> {
             let mut within = |part: u32| (f64::from(part) + stream.next_unit()) / f64::from(self.shares);
             let u = ((stratum / self.side) as f64 + within(row)) / self.side as f64;
             let v = ((stratum % self.side) as f64 + within(column)) / self.side as f64;
-            let (sine, cosine) = libm::sincos(2.0 * std::f64::consts::PI * v);
-            let (run, rise) = (u.sqrt(), (1.0 - u).max(0.0).sqrt());
-            let direction = (tangent * cosine + bitangent * sine) * run + normal * rise;
+            let direction = directions.at(u, v);
             let (mut start, mut passing) = (point, 1.0);
             for _ in 0..MOST_LAYERS {
                 let Some(meeting) = self.tracer.closest(start, direction, f64::INFINITY) else { break };
@@ -200,10 +229,10 @@ impl<'a> FinalGather<'a> {
     }
 
     /// Form factor of an emitter at a point, and what it throws there unoccluded, as a mean over the bands.
-    fn thrown(&self, point: DVec3, normal: DVec3, emitter: u32) -> (f64, f64) {
+    fn thrown(&self, point: DVec3, receiver: &Receiver, emitter: u32) -> (f64, f64) {
         let polygon = &self.tracer.geometry.scene.polygons[emitter as usize];
         let patch = Patch { corners: &polygon.corners, plane: &polygon.plane, area: polygon.area };
-        let factor = seen_factor(point, normal, &patch).max(0.0);
+        let factor = factor_at(point, receiver, &patch);
         (factor, factor * polygon.emission.mean())
     }
 
@@ -213,29 +242,45 @@ impl<'a> FinalGather<'a> {
         (ray as f64 + within) / self.to_lights as f64
     }
 
-    /// Sets ray `k` of a packet to a place on an emitter, or on a part of it. Says whether another face lies there, in the
-    /// emitter's plane.
-    fn aim(&self, packet: &mut Packet, k: usize, point: Vec3, normal: Vec3, part: &Element, jitter: [f64; 2]) -> bool {
+    /// Sets ray `k` of a packet to a place on an emitter, or on a part of it; its weight is what counts at the receiver. Says
+    /// what area the place stands for, over that of a place on average, and whether another face lies there, in the emitter's
+    /// plane.
+    fn aim(
+        &self,
+        packet: &mut Packet,
+        k: usize,
+        point: Vec3,
+        receiver: &Receiver,
+        part: &Element,
+        jitter: [f64; 2],
+    ) -> (f64, bool) {
         let geometry = &self.tracer.geometry;
-        let (place, _) = point_of(part, 0, 0, jitter.map(|along| along as f32));
+        let (place, within) = point_of(part, 0, 0, jitter.map(|along| along as f32));
         let other = geometry.surfaces[part.polygon as usize].normal;
-        packet.set(k, point, normal, place, other, geometry.tolerance);
-        geometry.overlaps.on_top(part.polygon, place).is_some()
+        if let Receiver::Plane(normal) = receiver {
+            packet.set(k, point, normal.as_vec3(), place, other, geometry.tolerance);
+        } else {
+            // As a piece that faces the place would have it, times what that direction counts.
+            let towards = (place - point).normalize_or_zero();
+            packet.set(k, point, towards, place, other, geometry.tolerance);
+            packet.weights[k] *= receiver.weight(towards.as_dvec3()) as f32;
+        }
+        (stands_for(part, within, geometry.tolerance), geometry.overlaps.on_top(part.polygon, place).is_some())
     }
 
     /// Appends an emitter, in parts where a point sees much of it or is near. Returns its form factor.
     fn take_apart(
         &self,
-        view: (DVec3, DVec3),
+        view: (DVec3, &Receiver),
         emitter: u32,
         corners: &Corners,
         depth: u32,
         parts: &mut Vec<Part>,
     ) -> f64 {
-        let (point, normal) = view;
+        let (point, receiver) = view;
         let polygon = &self.tracer.geometry.scene.polygons[emitter as usize];
         let patch = Patch { corners, plane: &polygon.plane, area: corners.area() };
-        let factor = seen_factor(point, normal, &patch).max(0.0);
+        let factor = factor_at(point, receiver, &patch);
         let (middle, size) = (corners.mean(), corners[0].distance_squared(corners[2]));
         let is_near = size > middle.distance_squared(point);
         if depth < DEEPEST && (factor > MOST_SEEN || is_near && factor > MOST_SEEN_NEARBY) {
@@ -252,29 +297,29 @@ impl<'a> FinalGather<'a> {
     }
 
     /// Few emitters: all factors are known, and rays tell the share that is seen of all that they throw together, each
-    /// weighted by what its place throws.
-    fn emitted_by_each(&self, point: DVec3, side: u32, share: u32, stream: &mut Stream) -> Rgb {
+    /// weighted by what its place throws. On what is not flat, rays tell what they throw.
+    fn emitted_by_each(&self, point: DVec3, receiver: &Receiver, share: u32, stream: &mut Stream) -> Rgb {
         let geometry = &self.tracer.geometry;
         let polygons = &geometry.scene.polygons;
-        let normal = polygons[side as usize].plane.normal;
         let (mut whole, mut parts) = (Rgb::ZERO, Vec::new());
         for &emitter in &self.emitters.polygons {
             let polygon = &polygons[emitter as usize];
-            whole += polygon.emission * self.take_apart((point, normal), emitter, &polygon.corners, 0, &mut parts);
+            whole += polygon.emission * self.take_apart((point, receiver), emitter, &polygon.corners, 0, &mut parts);
         }
         let Some(Part { until: sum, .. }) = parts.last() else { return Rgb::ZERO };
-        let (place, normal) = (self.tracer.place(point), geometry.surfaces[side as usize].normal);
+        let place = self.tracer.place(point);
         let (mut seen, mut sent) = (Rgb::ZERO, Rgb::ZERO);
         let mut square = Square::new(stream);
         for first in (0..self.to_lights).step_by(RAYS) {
             let mut packet = Packet::new();
             let (mut weights, mut hidden) = ([Rgb::ZERO; RAYS], [false; RAYS]);
             for k in 0..RAYS {
+                let area;
                 let wanted = self.stratum(first + k, share, stream) * sum;
                 let part = &parts[parts.partition_point(|part| part.until <= wanted).min(parts.len() - 1)];
-                hidden[k] = self.aim(&mut packet, k, place, normal, &part.element, square.next());
+                (area, hidden[k]) = self.aim(&mut packet, k, place, receiver, &part.element, square.next());
                 let emission = polygons[part.element.polygon as usize].emission;
-                weights[k] = emission * (f64::from(packet.weights[k]) / part.density);
+                weights[k] = emission * (f64::from(packet.weights[k]) * area / part.density);
             }
             let through = packet.through(geometry);
             for k in 0..RAYS {
@@ -282,22 +327,29 @@ impl<'a> FinalGather<'a> {
                 sent += weights[k];
             }
         }
+        if !matches!(receiver, Receiver::Plane(_)) {
+            // Over the chance of each place, and the pi of a radiance.
+            return seen * (sum / (PI * self.to_lights as f64));
+        }
         Rgb(std::array::from_fn(
             |band| if sent.0[band] > 0.0 { whole.0[band] * seen.0[band] / sent.0[band] } else { 0.0 },
         ))
     }
 
     /// Many emitters: a group by what it may throw at most, one of its members by what that throws.
-    fn emitted_by_groups(&self, point: DVec3, side: u32, share: u32, stream: &mut Stream) -> Rgb {
+    fn emitted_by_groups(&self, point: DVec3, receiver: &Receiver, share: u32, stream: &mut Stream) -> Rgb {
         let geometry = &self.tracer.geometry;
         let polygons = &geometry.scene.polygons;
-        let normal = polygons[side as usize].plane.normal;
         let mut before = Vec::with_capacity(self.emitters.groups.len() + 1);
         let mut sum = 0.0;
         before.push(0.0);
         for group in &self.emitters.groups {
             let towards = group.centre - point;
-            let rise = normal.dot(towards) + group.radius;
+            let rise = match receiver {
+                Receiver::Plane(normal) => normal.dot(towards),
+                Receiver::Cylinder(_) | Receiver::SemiCylinder { .. } => towards.length(),
+            };
+            let rise = rise + group.radius;
             let square = towards.length_squared().max(group.radius * group.radius);
             sum += if rise > 0.0 { group.power * (rise / square.sqrt()).min(1.0) / square } else { 0.0 };
             before.push(sum);
@@ -305,7 +357,7 @@ impl<'a> FinalGather<'a> {
         if sum <= 0.0 {
             return Rgb::ZERO;
         }
-        let (place, surface) = (self.tracer.place(point), geometry.surfaces[side as usize].normal);
+        let place = self.tracer.place(point);
         let mut square = Square::new(stream);
         let mut members: (usize, Vec<(f64, f64)>, f64) = (usize::MAX, Vec::new(), 0.0);
         let mut found = Rgb::ZERO;
@@ -319,7 +371,7 @@ impl<'a> FinalGather<'a> {
                 if members.0 != index {
                     let mut total = 0.0;
                     let run = self.emitters.polygons[group.from..group.to].iter().map(|&emitter| {
-                        let (factor, thrown) = self.thrown(point, normal, emitter);
+                        let (factor, thrown) = self.thrown(point, receiver, emitter);
                         total += thrown;
                         (factor, total)
                     });
@@ -333,10 +385,19 @@ impl<'a> FinalGather<'a> {
                 let within = (wanted - before[index]) / own * total;
                 let member = run.partition_point(|&(_, until)| until <= within).min(run.len() - 1);
                 let emitter = self.emitters.polygons[group.from + member];
-                hidden[k] = self.aim(&mut packet, k, place, surface, &geometry.root(emitter), square.next());
+                let area;
+                (area, hidden[k]) = self.aim(&mut packet, k, place, receiver, &geometry.root(emitter), square.next());
                 let emission = polygons[emitter as usize].emission;
                 // What it throws over the chance that it was picked: its own factor falls out.
-                weights[k] = emission * (total / emission.mean() * (sum / own));
+                let thrown = emission * (total / emission.mean() * (sum / own) * area);
+                weights[k] = if matches!(receiver, Receiver::Plane(_)) {
+                    thrown
+                } else {
+                    // By this place in place of the factor.
+                    let (factor, _) = run[member];
+                    let density = factor / polygons[emitter as usize].area;
+                    thrown * (f64::from(packet.weights[k]) / (PI * density))
+                };
             }
             let through = packet.through(geometry);
             for k in 0..RAYS {
@@ -347,6 +408,29 @@ impl<'a> FinalGather<'a> {
         }
         found / self.to_lights as f64
     }
+}
+
+/// Area that a place of [`point_of`] stands for, over the mean: bilinear maps of quadrilaterals that are no parallelograms are
+/// denser here than there.
+fn stands_for(part: &Element, [s, t]: [f32; 2], tolerance: f32) -> f64 {
+    let [a, b, c, d] = part.corners;
+    let twist = a - b + c - d;
+    if part.count == 3 || twist.length_squared() <= tolerance * tolerance {
+        return 1.0;
+    }
+    let (along, across) = (b - a + twist * t, d - a + twist * s);
+    f64::from(along.cross(across).length() / part.area)
+}
+
+/// Form factor of a patch at a receiver that is flat; of others, at a flat piece that faces the patch's middle.
+fn factor_at(point: DVec3, receiver: &Receiver, patch: &Patch<'_>) -> f64 {
+    let normal = match *receiver {
+        Receiver::Plane(normal) => normal,
+        Receiver::Cylinder(axis) | Receiver::SemiCylinder { axis, .. } => {
+            (patch.corners.mean() - point).normalize_or(axis)
+        }
+    };
+    seen_factor(point, normal, patch).max(0.0)
 }
 
 /// Places that fill a unit square evenly, from a random one on.

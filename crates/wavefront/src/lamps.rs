@@ -9,6 +9,7 @@ use crate::control::{Bound, Budget};
 use crate::geometry::{Element, Geometry, NONE};
 use crate::light::{Bands, Field, Light, add, mean, quarter};
 use crate::rays::{Packet, RAYS, own_point};
+use crate::receiver::Receiver;
 use crate::rounds::{Limit, Transport};
 use glam::Vec3;
 use isolux_core::scene::Lamp;
@@ -86,14 +87,14 @@ fn basis(count: u8, [s, t]: [f32; 2]) -> [f64; 5] {
 }
 
 /// Sets ray `k` of a packet from a place towards a lamp; what comes along it if nothing is in the way.
-fn aim(packet: &mut Packet, k: usize, place: Vec3, normal: Vec3, lamp: &Lamp, geometry: &Geometry) -> Bands {
+fn aim(packet: &mut Packet, k: usize, place: Vec3, receiver: &Receiver, lamp: &Lamp, geometry: &Geometry) -> Bands {
     let Some(thrown) = lamp.thrown_on(place.as_dvec3() + geometry.middle) else { return [0.0; 3] };
-    let cosine = thrown.towards.dot(normal.as_dvec3());
-    if cosine <= 0.0 {
+    let counts = receiver.weight(thrown.towards);
+    if counts <= 0.0 {
         return [0.0; 3];
     }
-    // What is in the way is no farther than the scene is large.
-    let reach = 2.0 * geometry.scene.diameter;
+    // What is in the way is no farther than the scene is large, and the place outside of it.
+    let reach = 2.0 * geometry.scene.diameter.max(f64::from(place.length()));
     let length = thrown.distance.min(reach);
     let direction = (thrown.towards * length).as_vec3();
     for axis in 0..3 {
@@ -101,22 +102,36 @@ fn aim(packet: &mut Packet, k: usize, place: Vec3, normal: Vec3, lamp: &Lamp, ge
         packet.rays.direction[axis][k] = direction[axis];
     }
     // Within this distance what the place lies on is not met; farther along flat rays, but not so far that they pass walls.
-    let own = NEAR * length as f32 / normal.dot(direction).max(f32::MIN_POSITIVE);
+    let rise = match receiver {
+        Receiver::Plane(normal) => normal.as_vec3().dot(direction),
+        Receiver::Cylinder(_) | Receiver::SemiCylinder { .. } => length as f32,
+    };
+    let own = NEAR * length as f32 / rise.max(f32::MIN_POSITIVE);
     packet.rays.near[k] = geometry.tolerance * own.max(1.0) / length as f32;
     packet.rays.far[k] = if thrown.distance < reach { 1.0 - geometry.tolerance / length as f32 } else { 1.0 };
     packet.weights[k] = if packet.rays.near[k] < packet.rays.far[k] { 1.0 } else { 0.0 };
-    thrown.facing.0.map(|facing| (facing * cosine) as f32 * packet.weights[k])
+    thrown.facing.0.map(|facing| (facing * counts) as f32 * packet.weights[k])
 }
 
 /// What the lamps that count, by number, throw on a place of a side, W/m² or lm/m².
 pub(crate) fn at_place(place: Vec3, side: u32, geometry: &Geometry, counts: impl Fn(usize) -> bool) -> Bands {
-    let normal = geometry.surfaces[side as usize].normal;
+    let receiver = Receiver::Plane(geometry.surfaces[side as usize].normal.as_dvec3());
+    at_receiver(place, &receiver, geometry, counts)
+}
+
+/// What the lamps that count throw on a receiver, W/m² or lm/m².
+pub(crate) fn at_receiver(
+    place: Vec3,
+    receiver: &Receiver,
+    geometry: &Geometry,
+    counts: impl Fn(usize) -> bool,
+) -> Bands {
     let mut sum = [0.0; 3];
     for (chunk, lamps) in geometry.scene.lamps.chunks(RAYS).enumerate() {
         let mut packet = Packet::new();
         let mut carried = [[0.0; 3]; RAYS];
         for (k, lamp) in lamps.iter().enumerate().filter(|(k, _)| counts(chunk * RAYS + k)) {
-            carried[k] = aim(&mut packet, k, place, normal, lamp, geometry);
+            carried[k] = aim(&mut packet, k, place, receiver, lamp, geometry);
         }
         for (carried, through) in carried.iter().zip(packet.through(geometry)) {
             (0..3).for_each(|band| sum[band] += through * carried[band]);
@@ -176,7 +191,7 @@ fn lit<const C: usize>(element: &Element, geometry: &Geometry, channels: &[usize
 impl<const C: usize> Places<C> {
     /// Adds at most [`RAYS`] places.
     fn ask(&mut self, places: &[(Vec3, [f32; 2])], side: u32, geometry: &Geometry, channels: &[usize]) {
-        let normal = geometry.surfaces[side as usize].normal;
+        let receiver = Receiver::Plane(geometry.surfaces[side as usize].normal.as_dvec3());
         let first = self.values.len();
         self.values.resize(first + places.len(), [0.0; C]);
         self.basis.extend(places.iter().map(|&(_, coordinates)| basis(self.count, coordinates)));
@@ -184,7 +199,7 @@ impl<const C: usize> Places<C> {
             let mut packet = Packet::new();
             let mut carried = [[0.0; 3]; RAYS];
             for (k, &(place, _)) in places.iter().enumerate() {
-                carried[k] = aim(&mut packet, k, place, normal, lamp, geometry);
+                carried[k] = aim(&mut packet, k, place, &receiver, lamp, geometry);
             }
             if packet.active() == 0 {
                 continue;

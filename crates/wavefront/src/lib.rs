@@ -37,10 +37,12 @@ mod link;
 mod oracle;
 mod order;
 mod outcome;
+mod outlook;
 mod overlaps;
 mod packed;
 mod rays;
 mod read;
+mod receiver;
 mod reopen;
 mod rounds;
 mod sight;
@@ -57,6 +59,8 @@ pub use outcome::{
     ClusterColumns, LinkColumns, Outcome, irradiance_at, irradiance_in, light_of, mean_factor, mean_irradiance_in,
     signed_irradiance_in,
 };
+pub use outlook::Outlook;
+pub use receiver::Receiver;
 pub use reopen::Remains;
 pub use solve::{Estimate, MEMORY, Prepared, Request, Solved, Stage};
 pub use tracer::{Meeting, Tracer};

@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from isolux import __version__
-from isolux.cli import bake, inspect, relight, render, solve, study, view
+from isolux.cli import bake, inspect, measure, relight, render, report, solve, study, view
 from isolux.cli.options import GATHER_RAYS
 from isolux.cli.terminal import say
 from isolux.exceptions import (
     InternalError,
     IsoluxError,
+    MeasureError,
     NotRelightableError,
     PhotometryError,
     ReadError,
@@ -52,6 +53,8 @@ app.command()(bake.bake)
 app.command()(render.render)
 app.command()(view.view)
 app.command()(relight.relight)
+app.command()(measure.measure)
+app.command()(report.report)
 app.command()(study.study)
 
 
@@ -124,7 +127,7 @@ def _failed(error: IsoluxError) -> int:
     match error:
         case NotRelightableError():
             return BAD_INPUT
-        case SettingsError() | RenderError() | RelightError() | UsageError():
+        case SettingsError() | RenderError() | RelightError() | MeasureError() | UsageError():
             return USAGE
         case SceneError() | ReadError() | PhotometryError() | SolutionFileError():
             return BAD_INPUT

@@ -31,6 +31,7 @@ _PHASES = {
     "interpolation": "smoothing",
     "balance": "checking the energy balance",
     "render": "drawing",
+    "measure": "measuring",
     "runs": "simulating",
     "orders": "counting insertion orders",
 }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from rich.markup import escape
@@ -12,6 +13,7 @@ from isolux.scene import total_power
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
+    from isolux.measures import Measurements
     from isolux.photometry import LampSet, Photometry
     from isolux.report import Bands, ErrorEstimate, GroupsReport, Issue, Report, Unit
     from isolux.scene import Lamp, Light, LightGroup, Material, Scene
@@ -25,6 +27,7 @@ __all__ = [
     "lines",
     "luminaire",
     "materials",
+    "measurements",
     "power",
     "relit",
     "report",
@@ -337,6 +340,39 @@ def _groups(groups: GroupsReport) -> str:
         "all": "all lights in one, since more than 32 objects and materials emit",
     }
     return f"{len(groups.groups):,}, {why[groups.by]}"
+
+
+def measurements(found: Measurements) -> Table:
+    """Averages, extremes and uniformities; noise is the largest standard error of a point."""
+    names = [
+        ("measure", "left"),
+        ("quantity", "left"),
+        ("average", "right"),
+        ("min", "right"),
+        ("max", "right"),
+    ]
+    names += [("U0 min/avg", "right"), ("min/max", "right"), ("unit", "left"), ("points", "right")]
+    rows = (
+        (
+            entry.name,
+            quantity,
+            _or_dash(told.average, ".4g"),
+            _or_dash(told.minimum, ".4g"),
+            _or_dash(told.maximum, ".4g"),
+            _or_dash(told.uniformity, ".2f"),
+            _or_dash(told.diversity, ".2f"),
+            entry.unit,
+            "" if told.largest_error is None else _or_dash(told.largest_error, ".1g"),
+            f"{told.count:,}" + (f" (+{entry.left_out:,} left out)" if entry.left_out else ""),
+        )
+        for entry in found.measurements
+        for quantity, told in ((name, value.statistics) for name, value in entry.quantities.items())
+    )
+    return _table(names, rows)
+
+
+def _or_dash(value: float, form: str) -> str:
+    return format(value, form) if math.isfinite(value) else "-"
 
 
 def _weight(weight: Bands) -> str:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import io
 import math
-import re
 from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
@@ -14,6 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
+from isolux.plots import new, png, svg
 from isolux.study import paper
 from isolux.study.claims import bsp_curves, bsp_phase
 from isolux.study.data import TREE_PHASE
@@ -59,30 +58,6 @@ __all__ = [
     "wavefront",
 ]
 
-#: Inches: the text width of a page, at which letters are as large as the text around them.
-_WIDTH = 7.2
-_STYLE: dict[str, Any] = {
-    "font.family": "DejaVu Sans",
-    "font.size": 8.5,
-    "axes.titlesize": 9.0,
-    "axes.titlelocation": "left",
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.linewidth": 0.7,
-    "axes.grid": True,
-    "grid.color": "#E4E4E4",
-    "grid.linewidth": 0.6,
-    "axes.axisbelow": True,
-    "legend.frameon": False,
-    "legend.fontsize": 8.0,
-    "lines.linewidth": 1.4,
-    "lines.markersize": 4.0,
-    "svg.fonttype": "path",
-    # Equal data give equal bytes.
-    "svg.hashsalt": "isolux",
-}
-#: Nothing that names a time or an address: a report needs no network.
-_NO_METADATA = {"Creator": None, "Date": None, "Format": None, "Type": None}
 #: Updates and their lines.
 UPDATES: tuple[tuple[Update, str], ...] = (("in-place", "-"), ("jacobi", "--"))
 #: Columns of a Gantt chart of a whole run, and rows of a processor in it.
@@ -93,35 +68,13 @@ _NAMED = 0.12
 _ZOOM_SLICES = 40
 
 
-def svg(figure: Figure, name: str) -> str:
-    """A figure as an SVG element whose ids, which begin with `name`, clash with no other figure's."""
-    buffer = io.StringIO()
-    with mpl.rc_context(_STYLE):
-        _settle(figure)
-        figure.savefig(buffer, format="svg", metadata=_NO_METADATA)
-    text = buffer.getvalue()
-    text = text[text.index("<svg") :]
-    text = re.sub(r'\bid="', f'id="{name}-', text)
-    text = text.replace("url(#", f"url(#{name}-")
-    return re.sub(r'href="#', f'href="#{name}-', text)
-
-
-def png(figure: Figure) -> bytes:
-    """A figure as PNG."""
-    buffer = io.BytesIO()
-    with mpl.rc_context(_STYLE):
-        _settle(figure)
-        figure.savefig(buffer, format="png", dpi=160, metadata={"Software": None})
-    return buffer.getvalue()
-
-
 def gantt(result: Result) -> Figure:
     """Figure 5: what each processor does when, over the whole run and in its first part."""
     segments = [
         (processor, start, end, label_group(cause, label))
         for processor, start, end, cause, label in flat(result.trace)
     ]
-    figure = _figure(4.2)
+    figure = new(4.2)
     whole, zoom = figure.subplots(2, 1)
     end = max(result.time, 1)
     whole.imshow(
@@ -200,7 +153,7 @@ def further(data: Data, machine: str) -> Figure:
 def ablation(data: Data) -> Figure:
     """Each modification alone: added to `splash`, removed from `sbpram`."""
     rows = ablation_rows(data)
-    figure = _figure(3.1)
+    figure = new(3.1)
     panels = figure.subplots(1, 2, sharey=True)
     names = list(SWITCHES)
     shades = {
@@ -237,7 +190,7 @@ def ablation(data: Data) -> Figure:
 
 def bsp(data: Data) -> Figure:
     """B beside B': time and speedup of the BSP phase."""
-    figure = _figure(2.7)
+    figure = new(2.7)
     times, shares = figure.subplots(1, 2)
     handles = []
     for name, colour, curve in zip(("B", "B'"), ("#0072B2", "#D55E00"), bsp_curves(data), strict=True):
@@ -263,7 +216,7 @@ def bsp(data: Data) -> Figure:
 
 def order(data: Data) -> Figure:
     """Insertion orders: sizes of the BSP tree, links between roots, total work."""
-    figure = _figure(2.7)
+    figure = new(2.7)
     tree, links, work = figure.subplots(1, 3)
     drawn = [entry for entry in data.orders if entry["order"] == "random" and entry.get("work") is None]
     named = [entry for entry in data.orders if entry["order"] != "random" and entry.get("work") is None]
@@ -320,7 +273,7 @@ def order(data: Data) -> Figure:
 
 def convergence(data: Data) -> Figure:
     """Residuals by iteration; iterations and share of updated reads by processors."""
-    figure = _figure(5.2)
+    figure = new(5.2)
     panels = figure.subplots(2, 2)
     epsilon = data.level.epsilons["1"].energy_epsilon
     shown: dict[int, float] = {}
@@ -380,7 +333,7 @@ def losses(data: Data) -> Figure:
     curves = [curve for machine in data.machines for curve in data.headline_curves(machine)]
     columns = 3
     rows = max(1, math.ceil(len(curves) / columns))
-    figure = _figure(0.6 + 1.3 * rows)
+    figure = new(0.6 + 1.3 * rows)
     panels = figure.subplots(rows, columns, squeeze=False)
     for axes in panels.flat[len(curves) :]:
         axes.set_visible(False)
@@ -406,7 +359,7 @@ def losses(data: Data) -> Figure:
 
 def extra_work(data: Data) -> Figure:
     """Work beyond that of one processor."""
-    figure = _figure(2.7)
+    figure = new(2.7)
     axes = figure.subplots()
     curves = [curve for machine in data.machines for curve in data.headline_curves(machine)]
     for curve in curves:
@@ -422,7 +375,7 @@ def extra_work(data: Data) -> Figure:
 
 def wavefront(data: Data) -> Figure:
     """The flat organisation, with and without its tree build, beside the others."""
-    figure = _figure(3.0)
+    figure = new(3.0)
     axes = figure.subplots()
     handles: list[Any] = []
     curves = [data.curve(machine, "wavefront") for machine in (SB_PRAM, DASH)]
@@ -454,7 +407,7 @@ def wavefront(data: Data) -> Figure:
 
 def size(data: Data) -> Figure:
     """Efficiency at a quarter, one and four times the size."""
-    figure = _figure(2.6)
+    figure = new(2.6)
     axes = figure.subplots()
     handles = []
     for schedule in SCHEDULES:
@@ -485,7 +438,7 @@ _STRUCTURES = 8
 def misses(data: Data) -> Figure:
     """Misses on DASH at the largest number of processors, by data structure and by kind."""
     curves = [curve for curve in data.headline_curves(DASH) if curve.results[curve.processors[-1]].misses]
-    figure = _figure(2.6 + 0.42 * max(len(curves), 2))
+    figure = new(2.6 + 0.42 * max(len(curves), 2))
     panels = figure.subplots(1, 2, sharey=True)
     found = [curve.results[curve.processors[-1]].misses for curve in curves]
     kinds = MISS_KINDS[:4]
@@ -541,7 +494,7 @@ def misses(data: Data) -> Figure:
 
 def _speedups(curves: list[Curve], *, most: int, stars: bool) -> Figure:
     """Speedup, both axes logarithmic, and efficiency; with what each run's own task graph allows."""
-    figure = _figure(3.7)
+    figure = new(3.7)
     left, right = figure.subplots(1, 2)
     handles: list[Any] = []
     largest = 1
@@ -587,21 +540,6 @@ def _speedups(curves: list[Curve], *, most: int, stars: bool) -> Figure:
         _processors_axis(axes, curves, most)
     _legend(figure, handles, columns=3)
     return figure
-
-
-def _figure(height: float) -> Figure:
-    """An empty figure as wide as a page; height in inches."""
-    mpl.rcParams.update(_STYLE)
-    figure = Figure(figsize=(_WIDTH, height), layout="constrained")
-    figure.set_layout_engine("constrained", w_pad=0.06, h_pad=0.06, wspace=0.03, hspace=0.03)
-    return figure
-
-
-def _settle(figure: Figure) -> None:
-    """Lay a figure out once for all of its files; that takes as long as drawing it."""
-    if figure.get_layout_engine() is not None:
-        figure.draw_without_rendering()
-        figure.set_layout_engine("none")
 
 
 def _legend(figure: Figure, handles: Sequence[Any], columns: int) -> None:

@@ -17,6 +17,8 @@ pub enum Phase {
     Balance,
     /// Drawing a picture.
     Render,
+    /// Gathering light at points.
+    Measure,
 }
 
 /// State of a computation.
