@@ -79,6 +79,7 @@ EXPECTED = {
     "RenderError::View": ("RenderError", "view: eye and target coincide"),
     "RenderError::Gather": ("RenderError", "gather: 0 rays (1 to 65536)"),
     "RenderError::Threads": ("RenderError", "threads: 1000000, but the system grants fewer"),
+    "RenderError::NoSuchSide": ("RenderError", "side 12 is out of range: the scene has 12"),
     "RenderError::Cancelled": ("KeyboardInterrupt", "cancelled"),
     "ReadError::Io": ("ReadError", "room.glb: cannot be read: no such file"),
     "ReadError::UnknownFormat": (

@@ -14,6 +14,7 @@ mod smooth;
 mod solution;
 mod solve;
 pub mod study;
+mod texels;
 mod view;
 mod wavefront;
 
@@ -35,6 +36,7 @@ pub use isolux_core::solution::{Interpolation, Roots, Update};
 pub use isolux_wavefront::{ClusterColumns, Control, LinkColumns, Meeting, NO_GROUP, PointErrors, Tracer};
 pub use solution::Solution;
 pub use solve::solve;
+pub use texels::{Texel, TexelSettings};
 pub use view::ViewLimits;
 pub use wavefront::{Columns, Transported};
 
