@@ -31,6 +31,9 @@ _PHASES = {
     "interpolation": "smoothing",
     "balance": "checking the energy balance",
     "render": "drawing",
+    "charts": "laying out charts",
+    "texels": "lighting texels",
+    "files": "writing files",
     "runs": "simulating",
     "orders": "counting insertion orders",
 }
