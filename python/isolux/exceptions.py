@@ -62,7 +62,7 @@ class SettingsError(IsoluxError, ValueError):
 
 
 class UsageError(IsoluxError, ValueError):
-    """What was asked of a study makes no sense: a machine, its figures, a number of processors, a folder."""
+    """What was asked for makes no sense: of a study (machine, folder), of a lightmap (size, scene)."""
 
 
 class SolutionFileError(IsoluxError):

@@ -25,11 +25,14 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from isolux.measures import Measurements, Spec
+    from isolux.lightmap import Part, Stage, Values
 
     #: A read-only dict of read-only arrays.
     Arrays = Mapping[str, NDArray[Any]]
     #: What hears of progress, about twenty times a second.
     OnProgress = Callable[[_isolux.Progress], object]
+    #: What hears of a bake of lightmaps.
+    OnStage = Callable[[Stage], object]
 
 __all__ = ["Solution", "open_solution", "solve"]
 
@@ -331,6 +334,92 @@ class Solution:
         """
         rays = None if gather is None else _rays(gather)
         self._inner.bake(Path(path), exposure, rays, threads, progress)
+
+    def bake_lightmap(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        texels_per_metre: float | None = None,
+        size: int | None = None,
+        padding: int = 2,
+        parts: Sequence[Part] = (),
+        scene: str | os.PathLike[str] | None = None,
+        exposure: float | None = None,
+        values: Values = "smooth",
+        gather: int | None = None,
+        threads: int = 0,
+        progress: OnStage | None = None,
+    ) -> dict[str, Any]:
+        """Write a ``.glb`` file with lightmaps, their pictures and a manifest beside it.
+
+        Pictures hold irradiance, without a factor of pi: ``.lightmap.exr`` as it is, ``.lightmap.png`` linear
+        in 16 bits, ``.lightmap.preview.png`` to look at. The how-to page on lightmaps says how to show them.
+
+        Parameters
+        ----------
+        path
+            Where the scene goes to; the other files are named after it.
+        texels_per_metre
+            Density. None: as dense as one map of `size` texels holds.
+        size
+            Texels along each side of a map, 16 to 8192. None: 1024, or, where a density is asked for, the
+            smallest power of two that holds it, at most 4096. What does not fit goes on several maps.
+        padding
+            Texels around each chart that repeat the light of its border, 1 to 64.
+        parts
+            ``"direct"`` (what reaches a texel straight from emitters and lamps) and ``"indirect"`` (the
+            rest): pictures of these as well. Schedule ``"wavefront"`` alone can tell them apart.
+        scene
+            The glTF or GLB file that was solved: all of it is kept, materials with their textures included.
+            None: a file is made of what the solution knows, with diffuse materials.
+        exposure
+            Factor from radiance to displayed value, in the preview and in the intensity that the file gives
+            its maps; None stands for `exposure`.
+        values
+            ``"smooth"``, what `render` shows: no seams, but shadows finer than elements are blurred; or
+            ``"elements"``, what `irradiance_at` tells: closer to the truth, with steps where elements meet.
+        gather
+            Rays of a final gather at each texel, see `bake`. None: `values` that were solved.
+        threads
+            Threads; 0 stands for all cores. Never changes a value.
+        progress
+            Called as the bake goes on, with what has the words of `isolux.Progress`.
+
+        Returns
+        -------
+        dict
+            The manifest as it was written; and ``texels`` (places that were lit), ``texelsPerSecond``,
+            ``files`` and ``seconds``.
+
+        Raises
+        ------
+        UsageError
+            For sizes and densities that make no sense, and a `scene` that is not the one that was solved.
+        ReadError
+            Where `scene` cannot be read.
+        WriteError
+            Naming the file and the reason.
+        RenderError
+            Where the exposure is no positive number, or the rays are none or too many.
+        NotRelightableError
+            Where `parts` are asked of a solution whose light cannot be told apart.
+        """
+        from isolux.lightmap import bake  # noqa: PLC0415 (a solve does not wait for what it imports)
+
+        return bake(
+            self,
+            Path(path),
+            texels_per_metre=texels_per_metre,
+            size=size,
+            padding=padding,
+            parts=parts,
+            scene=None if scene is None else Path(scene),
+            exposure=exposure,
+            values=values,
+            gather=None if gather is None else _rays(gather),
+            threads=threads,
+            progress=progress,
+        )
 
     def render(
         self,

@@ -79,6 +79,7 @@ EXPECTED = {
     "RenderError::View": ("RenderError", "view: eye and target coincide"),
     "RenderError::Gather": ("RenderError", "gather: 0 rays (1 to 65536)"),
     "RenderError::Threads": ("RenderError", "threads: 1000000, but the system grants fewer"),
+    "RenderError::NoSuchSide": ("RenderError", "side 12 is out of range: the scene has 12"),
     "RenderError::Cancelled": ("KeyboardInterrupt", "cancelled"),
     "MeasureError::Point": ("MeasureError", "points[3] is [NaN, NaN, NaN]: expected finite coordinates"),
     "MeasureError::Direction": ("MeasureError", "normals[3] is [0, 0, 0]: expected a unit vector"),

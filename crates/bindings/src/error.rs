@@ -127,7 +127,8 @@ impl PythonError for FacadeRenderError {
             FacadeRenderError::NoSuchCamera { .. }
             | FacadeRenderError::View { .. }
             | FacadeRenderError::Gather { .. }
-            | FacadeRenderError::Threads { .. } => RenderError::new_err(message),
+            | FacadeRenderError::Threads { .. }
+            | FacadeRenderError::NoSuchSide { .. } => RenderError::new_err(message),
             // What the observer raised is what the caller sees; this is for an observer that just says stop.
             FacadeRenderError::Cancelled => pyo3::exceptions::PyKeyboardInterrupt::new_err(message),
         }
@@ -310,6 +311,7 @@ pub(crate) fn error_samples(py: Python<'_>) -> PyResult<Bound<'_, PyList>> {
         ("RenderError::View", FacadeRenderError::View { what: "eye and target coincide".into() }.exception()),
         ("RenderError::Gather", FacadeRenderError::Gather { rays: 0, most: 65_536 }.exception()),
         ("RenderError::Threads", FacadeRenderError::Threads { threads: 1_000_000 }.exception()),
+        ("RenderError::NoSuchSide", FacadeRenderError::NoSuchSide { side: 12, sides: 12 }.exception()),
         ("RenderError::Cancelled", FacadeRenderError::Cancelled.exception()),
         ("MeasureError::Point", FacadeMeasureError::Point { index: 3, point: isolux::core::DVec3::NAN }.exception()),
         (

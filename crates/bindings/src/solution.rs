@@ -11,7 +11,8 @@ use isolux::core::units::Rgb;
 use isolux::flat;
 use isolux::formats::write::{self, GlbOptions, Picture, PngOptions, Provenance, Recall, ToneMap};
 use isolux::{
-    Array, Changes, MeasureSettings, Receiver, Record, RenderSettings, Solution as FacadeSolution, View, ViewLimits,
+    Array, Changes, MeasureSettings, Receiver, Record, RenderSettings, Solution as FacadeSolution, TexelSettings, View,
+    ViewLimits,
 };
 use numpy::PyReadonlyArrayDyn;
 use pyo3::exceptions::{PyIndexError, PyValueError};
@@ -191,6 +192,82 @@ impl Solution {
         dictionary(py, interruptible(py, move || solution.arrays())?)
     }
 
+    /// What a file is written from that shows the scene: materials, lamps, cameras and images as JSON, the arrays of the
+    /// scene, and the smoothing group of each polygon as `smoothing_group`.
+    fn scene_record<'py>(&self, py: Python<'py>) -> PyResult<(String, Bound<'py, PyDict>)> {
+        let solution = self.inner.clone();
+        let (mut arrays, groups) = interruptible(py, move || (solution.scene_arrays(), solution.smoothing_groups()))?;
+        let shape = vec![groups.len()];
+        arrays.push(Array { name: "smoothing_group".to_owned(), shape, data: isolux::Data::U32(groups) });
+        let scene = self.inner.scene();
+        let images: Vec<[&str; 2]> = scene.images.iter().map(|image| [&*image.name, &*image.mime]).collect();
+        let cutoffs: Vec<f64> = scene.masks.iter().map(|mask| mask.cutoff).collect();
+        let attributes = serde_json::json!({
+            "fronts": scene.fronts,
+            "materials": scene.materials,
+            "cameras": scene.cameras,
+            "lamps": scene.lamps,
+            "images": images,
+            "mask_cutoffs": cutoffs,
+        });
+        Ok((attributes.to_string(), dictionary(py, arrays)?))
+    }
+
+    /// Irradiance at points of sides, (m, 3), and whether something covers them, (m,).
+    #[pyo3(signature = (side, point, gather=None, elements=false, threads=0, progress=None))]
+    #[expect(clippy::too_many_arguments, reason = "one argument per choice; Python passes them by name")]
+    fn texels<'py>(
+        &self,
+        py: Python<'py>,
+        side: PyReadonlyArrayDyn<'py, u32>,
+        point: PyReadonlyArrayDyn<'py, f64>,
+        gather: Option<u32>,
+        elements: bool,
+        threads: usize,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+        let sides = entries("side", &side)?;
+        let points = rows::<f64, 3>("point", &point)?;
+        same_length("point", points.len(), "side", sides.len())?;
+        let places: Vec<(u32, DVec3)> = sides.into_iter().zip(points.into_iter().map(DVec3::from_array)).collect();
+        let settings = TexelSettings { gather, elements, threads };
+        let mut observer = PythonObserver::new(progress);
+        let texels = guarded(py, || self.inner.texels(&places, &settings, &mut observer))?;
+        let texels = match (observer.raised, texels) {
+            (Some(raised), _) => return Err(raised),
+            (None, texels) => texels.map_err(to_python)?,
+        };
+        let irradiance = read_only(py, flat::bands(texels.iter().map(|texel| texel.irradiance)), &[texels.len(), 3])?;
+        let covered: Vec<bool> = texels.iter().map(|texel| texel.covered).collect();
+        Ok((irradiance, read_only(py, covered, &[texels.len()])?))
+    }
+
+    /// The bytes of a lightmap of (height, width, 3) irradiance: "exr"; "png" of 16 bits, linear, divided by `factor`; or
+    /// "preview", PNG of 8 bits, sRGB, of a white surface times the exposure `factor`.
+    fn lightmap<'py>(
+        &self,
+        py: Python<'py>,
+        picture: PyReadonlyArrayDyn<'py, f64>,
+        kind: &str,
+        factor: f64,
+    ) -> PyResult<Bound<'py, PyBytes>> {
+        let mut picture = to_picture(&picture)?;
+        let provenance = self.provenance();
+        let kind = kind.to_owned();
+        let bytes = interruptible(py, move || match kind.as_str() {
+            "exr" => write::lightmap_exr(&picture, &provenance).map(Some),
+            "png" => write::lightmap_png(&picture, factor, &provenance).map(Some),
+            "preview" => {
+                picture.pixels.iter_mut().for_each(|pixel| *pixel = *pixel / std::f64::consts::PI);
+                write::png(&picture, &PngOptions { exposure: factor, tone: ToneMap::Clip, provenance }).map(Some)
+            }
+            _ => Ok(None),
+        })?;
+        let bytes = bytes.map_err(to_python)?;
+        let bytes = bytes.ok_or_else(|| PyValueError::new_err("kind: expected 'exr', 'png' or 'preview'"))?;
+        Ok(PyBytes::new(py, &bytes))
+    }
+
     /// A solution back from a JSON object and named arrays.
     #[staticmethod]
     fn from_record(py: Python<'_>, attributes: String, arrays: &Bound<'_, PyDict>) -> PyResult<Solution> {
@@ -307,17 +384,7 @@ impl Solution {
         picture: PyReadonlyArrayDyn<'_, f64>,
         exposure: Option<f64>,
     ) -> PyResult<()> {
-        let view = picture.as_array();
-        let &[height, width, 3] = view.shape() else {
-            return Err(wrong_shape("picture", "(height, width, 3)", view.shape()));
-        };
-        let too_large = |_| PyValueError::new_err(format!("picture: {width} x {height} pixels are too many"));
-        let values: Vec<f64> = view.iter().copied().collect();
-        let picture = Picture {
-            width: width.try_into().map_err(too_large)?,
-            height: height.try_into().map_err(too_large)?,
-            pixels: values.as_chunks::<3>().0.iter().map(|&pixel| Rgb(pixel)).collect(),
-        };
+        let picture = to_picture(&picture)?;
         let (solution, provenance, suffix) = (self.inner.clone(), self.provenance(), suffix(&path));
         write_out(py, path, ".png or .exr", move || match suffix.as_str() {
             "png" => {
@@ -397,6 +464,21 @@ fn write_out(
             Err(stopped)
         }
     }
+}
+
+/// An array of (height, width, 3) as a picture.
+fn to_picture(picture: &PyReadonlyArrayDyn<'_, f64>) -> PyResult<Picture> {
+    let view = picture.as_array();
+    let &[height, width, 3] = view.shape() else {
+        return Err(wrong_shape("picture", "(height, width, 3)", view.shape()));
+    };
+    let too_large = |_| PyValueError::new_err(format!("picture: {width} x {height} pixels are too many"));
+    let values: Vec<f64> = view.iter().copied().collect();
+    Ok(Picture {
+        width: width.try_into().map_err(too_large)?,
+        height: height.try_into().map_err(too_large)?,
+        pixels: values.as_chunks::<3>().0.iter().map(|&pixel| Rgb(pixel)).collect(),
+    })
 }
 
 /// Arrays by name.

@@ -16,7 +16,7 @@ use isolux_core::{DVec2, DVec3};
 use isolux_formats::read::{ReadOptions, read};
 use isolux_formats::write::{
     GlbOptions, MIDDLE_GREY, Picture, PngOptions, Provenance, Recall, ToneMap, Unit, WriteError, auto_exposure, exr,
-    glb, luminance, ply, png, srgb_encode, srgb8, vtu, write_aside, write_aside_with,
+    glb, lightmap_exr, lightmap_png, luminance, ply, png, srgb_encode, srgb8, vtu, write_aside, write_aside_with,
 };
 use std::f64::consts::PI;
 use std::fs;
@@ -810,6 +810,35 @@ fn exr_round_trips() {
     let bytes = exr(&picture, &origin).unwrap();
     assert!(!bytes.windows(14).any(|name| name == b"whiteLuminance"));
     assert!(bytes.windows(9).any(|unit| unit == b"W/(m2 sr)"));
+}
+
+/// Catches lightmaps that readers convert (gamma, colour space), swapped bytes, a scale that is not told, cuts at the wrong
+/// place, and pictures of irradiance that say they are of radiance.
+#[test]
+fn lightmaps_are_linear_and_say_what_they_are() {
+    let picture = gradient();
+    let origin = provenance(&scene());
+    let bytes = lightmap_png(&picture, 4.0, &origin).unwrap();
+    keep("lightmap.png", &bytes);
+    let decoded = image::load_from_memory(&bytes).unwrap();
+    assert_eq!(decoded.color(), image::ColorType::Rgb16);
+    for (x, y, pixel) in decoded.into_rgb16().enumerate_pixels() {
+        let irradiance = picture.pixels[(y * 5 + x) as usize];
+        let expected = irradiance.0.map(|band| (65_535.0 * (band / 4.0).clamp(0.0, 1.0)).round() as u16);
+        assert_eq!(pixel.0, expected, "at {x}, {y}");
+    }
+    let reader = png::Decoder::new(io::Cursor::new(&bytes)).read_info().unwrap();
+    let info = reader.info();
+    assert!(info.srgb.is_none() && info.source_gamma.is_none() && info.icc_profile.is_none());
+    let scale = info.utf8_text.iter().find(|chunk| chunk.keyword == "isolux:scale").unwrap();
+    assert_eq!(scale.get_text().unwrap(), "4");
+    for scale in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        assert!(matches!(lightmap_png(&picture, scale, &origin), Err(WriteError::Exposure { .. })));
+    }
+    let bytes = lightmap_exr(&picture, &origin).unwrap();
+    assert!(bytes.windows(5).any(|unit| unit == b"lm/m2"));
+    assert!(!bytes.windows(14).any(|name| name == b"whiteLuminance"));
+    assert!(lightmap_exr(&Picture::default(), &origin).is_err());
 }
 
 fn origin_generator() -> String {

@@ -194,6 +194,14 @@ pub enum RenderError {
         /// Threads asked for.
         threads: usize,
     },
+    /// The scene has no such side of a polygon.
+    #[error("side {side} is out of range: the scene has {sides}")]
+    NoSuchSide {
+        /// The side asked for.
+        side: u32,
+        /// How many there are.
+        sides: usize,
+    },
     /// The observer stopped it.
     #[error("cancelled")]
     Cancelled,

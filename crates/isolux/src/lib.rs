@@ -15,6 +15,7 @@ mod smooth;
 mod solution;
 mod solve;
 pub mod study;
+mod texels;
 mod view;
 mod wavefront;
 
@@ -39,6 +40,7 @@ pub use isolux_wavefront::{
 };
 pub use solution::Solution;
 pub use solve::solve;
+pub use texels::{Texel, TexelSettings};
 pub use view::ViewLimits;
 pub use wavefront::{Columns, Transported};
 

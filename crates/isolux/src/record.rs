@@ -194,6 +194,31 @@ pub(crate) fn write(solution: &Solution, columns: Option<&Columns>) -> Record {
         points: columns.map_or(0, |columns| columns.points.len() as u32),
         limit: solution.transport.as_ref().map_or(0.0, |transport| transport.limit),
     };
+    let mut arrays = scene_arrays(solution);
+    let nodes = elements.as_slice();
+    arrays.extend(corner_arrays("elements", nodes.iter().map(|node| &node.corners)));
+    arrays.push(flat_array("elements/area", Data::F64(nodes.iter().map(|node| node.area).collect())));
+    arrays.push(u32_array("elements/polygon", nodes.iter().map(|node| node.polygon)));
+    arrays.push(u32_array("elements/parent", nodes.iter().map(|node| node.parent.0)));
+    arrays.push(u32_array("elements/first_child", nodes.iter().map(|node| node.first_child.0)));
+    arrays.push(flat_array("elements/path", Data::U64(nodes.iter().map(|node| node.path.to_bits()).collect())));
+    arrays.push(rgb_array("elements/radiosity", light.radiosities().iter().copied()));
+    arrays.push(rgb_array("elements/irradiance", light.irradiances().iter().copied()));
+    arrays.push(flat_array("elements/open_share", Data::F64(light.open_shares().to_vec())));
+    match &solution.transport {
+        Some(transport) => transport_arrays(transport, columns, &mut arrays),
+        None => link_arrays(links, &solution.vertex_irradiance, &mut arrays),
+    }
+    let attributes = serde_json::to_string(&attributes).unwrap_or_else(|error| {
+        // Only maps with keys that are not strings can fail, and there are none.
+        unreachable!("attributes are plain data: {error}")
+    });
+    Record { attributes, arrays }
+}
+
+/// The scene's part of the arrays.
+pub(crate) fn scene_arrays(solution: &Solution) -> Vec<Array> {
+    let scene = &solution.scene;
     let polygons = &scene.polygons;
     let mut arrays = Vec::new();
     arrays.extend(corner_arrays("scene", polygons.iter().map(|polygon| &polygon.corners)));
@@ -222,25 +247,7 @@ pub(crate) fn write(solution: &Solution, columns: Option<&Columns>) -> Record {
         let solid = mask.solid.iter().map(|&solid| u8::from(solid)).collect();
         arrays.push(flat_array(&format!("scene/mask_{index}"), Data::U8(solid)));
     }
-    let nodes = elements.as_slice();
-    arrays.extend(corner_arrays("elements", nodes.iter().map(|node| &node.corners)));
-    arrays.push(flat_array("elements/area", Data::F64(nodes.iter().map(|node| node.area).collect())));
-    arrays.push(u32_array("elements/polygon", nodes.iter().map(|node| node.polygon)));
-    arrays.push(u32_array("elements/parent", nodes.iter().map(|node| node.parent.0)));
-    arrays.push(u32_array("elements/first_child", nodes.iter().map(|node| node.first_child.0)));
-    arrays.push(flat_array("elements/path", Data::U64(nodes.iter().map(|node| node.path.to_bits()).collect())));
-    arrays.push(rgb_array("elements/radiosity", light.radiosities().iter().copied()));
-    arrays.push(rgb_array("elements/irradiance", light.irradiances().iter().copied()));
-    arrays.push(flat_array("elements/open_share", Data::F64(light.open_shares().to_vec())));
-    match &solution.transport {
-        Some(transport) => transport_arrays(transport, columns, &mut arrays),
-        None => link_arrays(links, &solution.vertex_irradiance, &mut arrays),
-    }
-    let attributes = serde_json::to_string(&attributes).unwrap_or_else(|error| {
-        // Only maps with keys that are not strings can fail, and there are none.
-        unreachable!("attributes are plain data: {error}")
-    });
-    Record { attributes, arrays }
+    arrays
 }
 
 /// What `sequential` leaves behind beyond elements and light.

@@ -197,6 +197,12 @@ impl Solution {
         crate::record::write(self, None).arrays
     }
 
+    /// The scene's part of [`Solution::to_record`]'s arrays (`scene/*`): polygons, input faces, images, masks.
+    #[must_use]
+    pub fn scene_arrays(&self) -> Vec<Array> {
+        crate::record::scene_arrays(self)
+    }
+
     /// A solution back from its arrays.
     ///
     /// # Errors

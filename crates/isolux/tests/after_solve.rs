@@ -14,7 +14,7 @@ use isolux::core::solution::{Flow, Observer, Progress, SurfaceMesh, Unobserved};
 use isolux::core::tree::InsertionOrder;
 use isolux::core::tree::{Bsp, ElementId};
 use isolux::core::units::Rgb;
-use isolux::{RenderError, RenderSettings, Settings, Solution, Tracer, View, render};
+use isolux::{RenderError, RenderSettings, Settings, Solution, TexelSettings, Tracer, View, render};
 use std::f64::consts::PI;
 use std::sync::Arc;
 
@@ -113,6 +113,56 @@ fn rays_end_where_they_are_told_to() {
         assert!(tracer.closest(start, direction, hit.distance * 1.01).is_some());
         assert!(tracer.closest(start, -direction, f64::INFINITY).is_none());
     }
+}
+
+/// Catches texels that show another light than asked for, that depend on threads or on what nobody sees, sides that do not
+/// exist, and an observer that is not heard.
+#[test]
+fn texels_show_the_light_at_their_places() {
+    let solution = solved(&shipped("leaks/contact"), &draft());
+    let scene = solution.scene();
+    let at = points(scene, 200, 3);
+    let place = |&(face, weights): &(u32, [f64; 3])| (scene.face_polygon[face as usize], scene.position(face, weights));
+    let places: Vec<(u32, DVec3)> = at.iter().map(place).collect();
+    let texels = |settings: TexelSettings| solution.texels(&places, &settings, &mut Unobserved).unwrap();
+    let elements = texels(TexelSettings { elements: true, ..TexelSettings::default() });
+    for (texel, &(face, weights)) in elements.iter().zip(&at) {
+        assert_eq!(Some(texel.irradiance), solution.irradiance_at(face, weights));
+    }
+    // What a picture shows, which may see another face of the same place.
+    let smooth = texels(TexelSettings::default());
+    let seen = seen(&solution, &at, None);
+    let agree = smooth.iter().zip(&places).zip(&seen).filter(|((texel, (side, _)), seen)| {
+        let polygon = &scene.polygons[*side as usize];
+        let radiosity = (polygon.emission + polygon.reflectance * texel.irradiance).mean();
+        texel.covered || (radiosity - **seen).abs() < 1e-6 * radiosity.max(1.0)
+    });
+    assert!(agree.count() > 190);
+    let settings = TexelSettings { gather: Some(64), ..TexelSettings::default() };
+    let gathered = [1, 2].map(|threads| texels(TexelSettings { threads, ..settings }));
+    assert_eq!(gathered[0], gathered[1]);
+    assert!(gathered[0] != smooth && gathered[0].iter().all(|texel| !texel.covered || texel.irradiance == Rgb::ZERO));
+    // The box covers a part of the table's top, which is one polygon. Files hold single precision.
+    let is_top = |polygon: &usize| {
+        let polygon = &scene.polygons[*polygon];
+        polygon.plane.normal.y > 0.9 && polygon.corners.iter().all(|corner| (corner.y - 0.72).abs() < 1e-6)
+    };
+    let top = (0..scene.fronts).find(is_top).unwrap() as u32;
+    let height = scene.polygons[top as usize].corners[0].y;
+    let on_top = [1.95, 1.5].map(|x| (top, DVec3::new(x, height, 1.3)));
+    let found = solution.texels(&on_top, &TexelSettings::default(), &mut Unobserved).unwrap();
+    assert!(found[0].covered && !found[1].covered);
+    let sides = scene.polygons.len();
+    let wrong = solution.texels(&[(sides as u32, DVec3::ZERO)], &TexelSettings::default(), &mut Unobserved);
+    assert_eq!(wrong.unwrap_err(), RenderError::NoSuchSide { side: sides as u32, sides });
+    struct Stopping;
+    impl Observer for Stopping {
+        fn observe(&mut self, _: &Progress) -> Flow {
+            Flow::Stop
+        }
+    }
+    let stopped = solution.texels(&places, &TexelSettings::default(), &mut Stopping);
+    assert_eq!(stopped.unwrap_err(), RenderError::Cancelled);
 }
 
 /// Radiosities that a picture of one pixel shows at points, seen from close above them.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -20,16 +20,23 @@ from isolux.cli.options import (
 from isolux.cli.progress import showing
 from isolux.cli.terminal import interrupts, say
 
+if TYPE_CHECKING:
+    from isolux.lightmap import Part
+
 __all__ = ["bake"]
 
 
 def bake(
     solution: Annotated[Path, typer.Argument(metavar="SOLUTION", help="What isolux solve wrote.")],
     out: Annotated[
-        Path, typer.Option("-o", "--output", metavar="FILE", help="The lit file: .glb, .ply or .vtu.")
+        Path,
+        typer.Option(
+            "-o", "--output", metavar="FILE", help="The lit file: .glb, .ply or .vtu; with lightmaps .glb."
+        ),
     ],
-    to: Annotated[  # noqa: ARG001
-        Literal["vertex"], typer.Option(help="Where the light goes: colours of vertices.")
+    to: Annotated[
+        Literal["vertex", "lightmap"],
+        typer.Option(help="Where the light goes: colours of vertices, or pictures beside the file."),
     ] = "vertex",
     exposure: Annotated[
         str | None,
@@ -38,11 +45,57 @@ def bake(
         ),
     ] = None,
     gather: GatherRays = None,
+    texels_per_metre: Annotated[
+        float | None,
+        typer.Option(
+            "--texels-per-metre",
+            metavar="N",
+            help="Lightmap: density, on as many maps as it needs. Without it: as dense as one map holds.",
+        ),
+    ] = None,
+    size: Annotated[
+        int | None,
+        typer.Option(
+            "--size",
+            metavar="N",
+            help="Lightmap: texels along each side of a map, 16 to 8192; 1024 if alone.",
+        ),
+    ] = None,
+    padding: Annotated[
+        int | None,
+        typer.Option(
+            "--padding", metavar="N", help="Lightmap: texels of light around each chart; 2 if not given."
+        ),
+    ] = None,
+    parts: Annotated[
+        str | None,
+        typer.Option(
+            "--parts",
+            metavar="PART[,PART]",
+            help="Lightmap: pictures of direct and indirect light as well (direct, indirect).",
+        ),
+    ] = None,
+    values: Annotated[
+        Literal["smooth", "elements"] | None,
+        typer.Option(
+            "--values",
+            help="Lightmap: smooth (what isolux render shows; the default), or of elements: closer to the "
+            "truth where shadows are fine, with steps where elements meet.",
+        ),
+    ] = None,
+    scene: Annotated[
+        Path | None,
+        typer.Option(
+            "--scene",
+            metavar="FILE",
+            help="Lightmap: the glTF or GLB file that was solved; all of it is kept, its materials included.",
+        ),
+    ] = None,
     threads: Jobs = 0,
     json: JsonTarget = None,
     progress: ProgressOption = "auto",
 ) -> int:
-    """Write the lit surfaces of a solution: glTF with vertex colours, PLY, or VTU for ParaView.
+    """Write the lit surfaces of a solution: glTF with vertex colours or lightmaps, PLY, or VTU for ParaView.
 
     For example:
         isolux bake room.isolux -o lit.glb
@@ -52,7 +105,33 @@ def bake(
         isolux bake room.isolux -o room.vtu
 
         isolux bake room.isolux -o sharp.glb --gather 1024
+
+        isolux bake room.isolux -o lit.glb --to lightmap --scene room.glb --texels-per-metre 40
     """
+    if to == "lightmap":
+        options: dict[str, Any] = {
+            "texels_per_metre": texels_per_metre,
+            "size": size,
+            "padding": padding,
+            "parts": _parts(parts),
+            "values": values,
+            "scene": scene,
+            "gather": gather,
+            "threads": threads,
+        }
+        given = {name: value for name, value in options.items() if value is not None}
+        return _lightmap(solution, out, exposure, given, json, progress)
+    maps_only = {
+        "--texels-per-metre": texels_per_metre,
+        "--size": size,
+        "--padding": padding,
+        "--parts": parts,
+        "--values": values,
+        "--scene": scene,
+    }
+    for option, value in maps_only.items():
+        if value is not None:
+            raise typer.BadParameter("it belongs to --to lightmap", param_hint=option)
     check_target(out, solution, (".glb", ".ply", ".vtu"))
     with interrupts():
         opened = isolux.open(solution)
@@ -65,3 +144,52 @@ def bake(
     if not write_json(json, {"output": str(out), "exposure": factor}):
         say(f"wrote {out} (exposure {factor:.4g})")
     return 0
+
+
+def _lightmap(
+    solution: Path,
+    out: Path,
+    exposure: str | None,
+    options: dict[str, Any],
+    json: str | None,
+    progress: Any,  # noqa: ANN401 (a word of `ProgressMode`)
+) -> int:
+    """Bake lightmaps; tell what was written, and what is not as it was asked for."""
+    check_target(out, solution, (".glb",))
+    scene = options.get("scene")
+    if scene is not None:
+        check_target(out, scene, None)
+        if scene.suffix.lower() not in (".glb", ".gltf"):
+            raise typer.BadParameter(f"{scene} is neither .glb nor .gltf: leave it out", param_hint="--scene")
+    with interrupts():
+        opened = isolux.open(solution)
+        factor = exposure_factor(exposure, opened.exposure)
+        with showing(progress) as hear:
+            manifest = opened.bake_lightmap(out, exposure=factor, progress=hear, **options)
+    for note in manifest["notes"]:
+        say(f"note: {note}")
+    if not write_json(json, {"output": str(out), **manifest}):
+        maps = len(manifest["maps"])
+        side = manifest["maps"][0]["width"]
+        say(
+            f"wrote {out} and {maps} {'map' if maps == 1 else 'maps'} of {side} x {side} texels, "
+            f"{manifest['texelsPerMetre']:.3g} per metre (exposure {factor:.4g}, "
+            f"{manifest['texelsPerSecond']:,} texels/s)"
+        )
+    return 0
+
+
+def _parts(text: str | None) -> list[Part] | None:
+    """``direct,indirect`` as words."""
+    if text is None:
+        return None
+    parts: list[Part] = []
+    for word in text.split(","):
+        match word.strip():
+            case "direct":
+                parts.append("direct")
+            case "indirect":
+                parts.append("indirect")
+            case other:
+                raise typer.BadParameter(f"'{other}' is neither direct nor indirect", param_hint="--parts")
+    return list(dict.fromkeys(parts))

@@ -32,6 +32,9 @@ _PHASES = {
     "balance": "checking the energy balance",
     "render": "drawing",
     "measure": "measuring",
+    "charts": "laying out charts",
+    "texels": "lighting texels",
+    "files": "writing files",
     "runs": "simulating",
     "orders": "counting insertion orders",
 }

@@ -157,8 +157,8 @@ impl Obstacles for (&Scene, &Bsp) {
 }
 
 /// Coplanar neighbours with a common edge, and nothing standing on it, have one irradiance along it. Returns a group
-/// number per polygon.
-fn smoothing_groups(scene: &Scene, obstacles: &impl Obstacles, watch: &mut Watch<'_>) -> Option<Vec<u32>> {
+/// number per polygon; `None` when the watch says stop.
+pub fn smoothing_groups(scene: &Scene, obstacles: &impl Obstacles, watch: &mut Watch<'_>) -> Option<Vec<u32>> {
     let mut group: Vec<u32> = (0..scene.polygons.len() as u32).collect();
     fn find(group: &mut [u32], mut at: u32) -> u32 {
         while group[at as usize] != at {

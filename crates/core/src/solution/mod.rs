@@ -16,7 +16,7 @@ mod vertex_gather;
 
 pub use balance::{Balance, RowSums, balance, row_sums};
 pub use corner_values::{around_corner, corner_mean};
-pub use interpolate::{Blending, Obstacles, Site, SmoothPlan, SmoothSurfaces, bilinear_coordinates};
+pub use interpolate::{Blending, Obstacles, Site, SmoothPlan, SmoothSurfaces, bilinear_coordinates, smoothing_groups};
 pub use light::{Light, LightViolation, Update};
 pub use mesh::SurfaceMesh;
 pub use pilot::pilot_irradiance;

@@ -1,13 +1,13 @@
 //! A rendered picture of linear radiance comes in; an 8-bit sRGB PNG (tone-mapped) or a linear float OpenEXR goes
-//! out, each with its provenance.
+//! out, each with its provenance. Lightmaps, pictures of irradiance, become 16-bit linear PNG or OpenEXR.
 
-use super::tone::srgb8;
+use super::tone::{srgb8, unit};
 use super::{Provenance, ToneMap, Unit, WriteError};
 use exr::prelude as ex;
 use isolux_core::units::Rgb;
 use std::io::Cursor;
 
-/// Linear radiance (cd/m² or W/(m² sr)), row by row from the top left.
+/// Linear radiance (cd/m² or W/(m² sr)), of lightmaps irradiance (lm/m² or W/m²), row by row from the top left.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Picture {
     /// Pixels per row.
@@ -74,6 +74,43 @@ pub fn png(picture: &Picture, options: &PngOptions) -> Result<Vec<u8>, WriteErro
         .map_err(|error| WriteError::Encode { format: "PNG", message: error.to_string() })
 }
 
+/// A lightmap as PNG of 16 bits a band, linear: `value / scale`, cut to `[0, 1]`. It carries neither gamma nor colour space, so
+/// that no reader converts it. The provenance is in `iTXt` chunks `isolux:KEY`, the scale in `isolux:scale`.
+///
+/// # Errors
+/// [`WriteError`] where the picture breaks an invariant of [`Picture::check`], or the scale is not a positive number.
+pub fn lightmap_png(picture: &Picture, scale: f64, provenance: &Provenance) -> Result<Vec<u8>, WriteError> {
+    picture.check()?;
+    if !(scale.is_finite() && scale > 0.0) {
+        return Err(WriteError::Exposure { exposure: scale });
+    }
+    let code = |value: f64| ((65_535.0 * unit(value / scale)).round() as u16).to_be_bytes();
+    let codes: Vec<u8> = picture.pixels.iter().flat_map(|pixel| pixel.0).flat_map(code).collect();
+    encode_lightmap(picture, &codes, scale, provenance)
+        .map_err(|error| WriteError::Encode { format: "PNG", message: error.to_string() })
+}
+
+fn encode_lightmap(
+    picture: &Picture,
+    codes: &[u8],
+    scale: f64,
+    provenance: &Provenance,
+) -> Result<Vec<u8>, png::EncodingError> {
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, picture.width, picture.height);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Sixteen);
+    encoder.add_text_chunk("Software".to_owned(), latin1(&provenance.generator()))?;
+    for (key, value) in provenance.entries(None) {
+        encoder.add_itxt_chunk(format!("isolux:{key}"), value.replace('\0', " "))?;
+    }
+    encoder.add_itxt_chunk("isolux:scale".to_owned(), scale.to_string())?;
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(codes)?;
+    writer.finish()?;
+    Ok(bytes)
+}
+
 fn encode_png(
     picture: &Picture,
     codes: &[u8],
@@ -114,6 +151,24 @@ fn latin1(text: &str) -> String {
 /// # Errors
 /// [`WriteError`] where the picture breaks an invariant of [`Picture::check`].
 pub fn exr(picture: &Picture, provenance: &Provenance) -> Result<Vec<u8>, WriteError> {
+    let white = (provenance.unit == Unit::Photometric).then_some(1.0);
+    encode_exr(picture, provenance, provenance.unit.radiance(), white)
+}
+
+/// A lightmap as OpenEXR: as [`exr()`], but of irradiance, which the attribute `unit` says, and without `whiteLuminance`.
+///
+/// # Errors
+/// [`WriteError`] where the picture breaks an invariant of [`Picture::check`].
+pub fn lightmap_exr(picture: &Picture, provenance: &Provenance) -> Result<Vec<u8>, WriteError> {
+    encode_exr(picture, provenance, provenance.unit.per_area(), None)
+}
+
+fn encode_exr(
+    picture: &Picture,
+    provenance: &Provenance,
+    unit: &str,
+    white_luminance: Option<f32>,
+) -> Result<Vec<u8>, WriteError> {
     picture.check()?;
     let comments = serde_json::to_string(&provenance.json(None))
         .map_err(|error| WriteError::Encode { format: "EXR", message: error.to_string() })?;
@@ -121,11 +176,11 @@ pub fn exr(picture: &Picture, provenance: &Provenance) -> Result<Vec<u8>, WriteE
     let mut layer = ex::LayerAttributes {
         software_name: Some(text(&latin1(&provenance.generator()))),
         comments: Some(text(&ascii_json(&comments))),
-        white_luminance: (provenance.unit == Unit::Photometric).then_some(1.0),
+        white_luminance,
         ..ex::LayerAttributes::default()
     };
     // The encoder keeps free attributes in a hash map: only one, so that no order can differ from run to run.
-    layer.other.insert(text("unit"), ex::AttributeValue::Text(text(provenance.unit.radiance())));
+    layer.other.insert(text("unit"), ex::AttributeValue::Text(text(unit)));
     let channels = ex::SpecificChannels::rgb(|at: ex::Vec2<usize>| {
         let [r, g, b] = picture.pixels[at.y() * width + at.x()].0.map(|band| band as f32);
         (r, g, b)

@@ -16,7 +16,7 @@ mod vtu;
 pub use aside::{Recall, write_aside, write_aside_with};
 pub use error::WriteError;
 pub use glb::{GlbOptions, glb};
-pub use image::{Picture, PngOptions, exr, png};
+pub use image::{Picture, PngOptions, exr, lightmap_exr, lightmap_png, png};
 pub use isolux_core::units::Unit;
 pub use ply::ply;
 pub use provenance::Provenance;
