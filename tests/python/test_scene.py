@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 from pathlib import Path
 
 import numpy as np
@@ -226,8 +227,10 @@ def test_other_kinds_go_through_trimesh(tmp_path):
     """Catches names, units or faces lost between trimesh and the scene."""
     path = tmp_path / "tetrahedron.off"
     path.write_text("OFF\n4 4 0\n0 0 0\n2 0 0\n0 2 0\n0 0 2\n3 0 2 1\n3 0 1 3\n3 1 2 3\n3 0 3 2\n")
-    scene = isolux.load(path, metres_per_unit=0.5)
+    bulb = isolux.Lamp("bulb", position=(0.25, 0.5, 2.0))
+    scene = isolux.load(path, metres_per_unit=0.5, lamps=[bulb])
     assert scene.polygons.fronts == 4
+    assert scene.lamps[0].position == (0.25, 0.5, 2.0)
     np.testing.assert_allclose(scene.bounds, [[0, 0, 0], [1, 1, 1]])
 
 
@@ -306,7 +309,7 @@ def test_lamps_that_make_no_sense_are_named():
     """Catches a lamp of another type, kind, shape or cone that is taken, or refused without its name."""
     with pytest.raises(TypeError, match=r"lamps\[0\] is a dict: expected isolux.Lamp"):
         under_lamps({"name": "bulb"})
-    with pytest.raises(ValueError, match="lamp 'odd': kind is 'laser': expected 'point', 'spot' or 'sun'"):
+    with pytest.raises(ValueError, match="lamp 'odd': kind is 'laser': expected 'point', 'spot', 'sun'"):
         under_lamps(isolux.Lamp("odd", "laser"))
     with pytest.raises(ValueError, match=r"lamps\[0\].position: expected three numbers"):
         under_lamps(isolux.Lamp("odd", position=(1, 2)))
@@ -314,6 +317,114 @@ def test_lamps_that_make_no_sense_are_named():
         under_lamps(isolux.Lamp("odd", "spot", inner_angle=50.0, outer_angle=40.0))
     with pytest.raises(isolux.exceptions.SettingsError, match="lamp 'bulb' has no surface"):
         isolux.solve(under_lamps(isolux.Lamp("bulb", position=(0, 1, 0))), schedule="sequential")
+
+
+DOWNLIGHT, WASHER = (ROOT / "scenes" / f"{name}.ies" for name in ("downlight", "wall-washer"))
+
+
+def test_luminaires_hang_as_they_are_turned():
+    """Catches a luminaire that points or is turned another way than asked, whatever its flux."""
+    for rotation, tilt, aim, plane in (
+        (0, 0, (0, -1, 0), (1, 0, 0)),
+        (90, 0, (0, -1, 0), (0, 0, -1)),
+        (-90, 0, (0, -1, 0), (0, 0, 1)),
+        (0, 90, (1, 0, 0), (0, 1, 0)),
+        (90, 30, (0, -np.cos(np.pi / 6), -0.5), (0, 0.5, -np.cos(np.pi / 6))),
+        (37, 180, (0, 1, 0), (-np.cos(np.radians(37)), 0, np.sin(np.radians(37)))),
+    ):
+        hung = isolux.Lamp.from_file(WASHER, (0, 100, 0), rotation=rotation, tilt=tilt)
+        (lamp,) = under_lamps(hung).lamps
+        np.testing.assert_allclose(lamp.direction, aim, atol=1e-12)
+        np.testing.assert_allclose(lamp.side, plane, atol=1e-12)
+        assert (lamp.name, lamp.kind, lamp.position) == ("wall-washer", "web", (0.0, 1.0, 0.0))
+
+
+def test_luminaires_have_the_flux_of_their_files():
+    """Catches flux that changes on the way into a scene, lost dimming, and a flux asked for that is not."""
+    flux = isolux.read_photometry(WASHER).flux
+    assert flux == pytest.approx(1500, rel=1e-3)
+    hung = [
+        isolux.Lamp.from_file(WASHER, (0, 100, 0)),
+        isolux.Lamp.from_file(WASHER, (0, 100, 0), flux=800, name="new", rotation=20, tilt=70),
+        isolux.Lamp.from_file(WASHER, (0, 100, 0), intensity=(1, 0.5, 0.25)),
+    ]
+    scene = under_lamps(*hung)
+    assert [lamp.name for lamp in scene.lamps] == ["wall-washer", "new", "wall-washer#2"]
+    assert [lamp.power for lamp in scene.lamps] == [
+        pytest.approx([flux] * 3),
+        pytest.approx([800] * 3),
+        pytest.approx([flux, flux / 2, flux / 4]),
+    ]
+
+
+def test_luminaires_light_the_side_that_their_plane_points_to():
+    """Catches a plane C0 that light does not follow, and another intensity than the file's under the lamp."""
+    for rotation, bright in ((0, (1, 0, 0)), (90, (0, 0, -1)), (180, (-1, 0, 0)), (270, (0, 0, 1))):
+        scene = under_lamps(isolux.Lamp.from_file(WASHER, (0, 100, 0), rotation=rotation))
+        solution = isolux.solve(scene, error=0.02)
+        places = np.array([np.array(bright) * 0.8, -np.array(bright) * 0.8, (0, 0, 0)])
+        # The square has corners at -2 and 2: by its first triangle or its second.
+        found = []
+        for x, _, z in places:
+            face, point = (0, (x, 0, z)) if z >= x else (1, (x, 0, z))
+            corners = scene.triangles[face]
+            weights = np.linalg.lstsq(np.vstack([corners.T, np.ones(3)]), [*point, 1], rcond=None)[0]
+            found.append(solution.irradiance_at([face], [weights])[0, 0])
+        luminaire = isolux.read_photometry(WASHER)
+        slant = np.hypot(1, 0.8)
+        wanted = [
+            luminaire.intensity([0.8, 0, -1]) / slant**3,
+            luminaire.intensity([-0.8, 0, -1]) / slant**3,
+            luminaire.intensity([0, 0, -1]),
+        ]
+        np.testing.assert_allclose(found, wanted, rtol=0.04)
+        assert found[0] > 2 * found[1]
+
+
+def test_luminaires_that_cannot_be_hung_are_named(tmp_path):
+    """Catches a broken file, a lamp without its photometry and watts of candela that pass in silence."""
+    broken = tmp_path / "broken.ies"
+    broken.write_text(WASHER.read_text().replace("1 1 20", "1 one 20"))
+    with pytest.raises(isolux.exceptions.PhotometryError, match=r"broken\.ies: line \d+: expected "):
+        isolux.Lamp.from_file(broken, (0, 0, 0))
+    with pytest.raises(ValueError, match="lamp 'odd': kind is 'web': it needs a photometry"):
+        under_lamps(isolux.Lamp("odd", "web"))
+    hung = isolux.Lamp.from_file(DOWNLIGHT, (0, 100, 0))
+    with pytest.raises(
+        ValueError, match="lamp 'downlight': kind is 'spot': only kind 'web' takes a photometry"
+    ):
+        under_lamps(dataclasses.replace(hung, kind="spot"))
+    assert under_lamps(hung).issues == []
+    watts = isolux.Scene.from_arrays(TRIANGLE, [[0, 1, 2]], lamps=[hung], unit="W")
+    assert [(issue.severity, issue.object) for issue in watts.issues] == [("warning", "downlight")]
+    assert "candela count as W/sr" in watts.issues[0].message
+
+
+def test_an_office_has_what_its_luminaires_throw(tmp_path):
+    """Catches any break between a file with light profiles and its light: flux, inverse square, dimming."""
+    path = ROOT / "scenes" / "office.glb"
+    answers = json.loads(path.with_suffix(".json").read_text())["known_answers"]
+    more = isolux.Lamp.from_file(DOWNLIGHT, (5.0, 2.7, 3.0), flux=500)
+    scene = isolux.load(path, lamps=[more])
+    # An angle every 2.5 degrees, linear in between.
+    assert scene.lamp_power[0] == pytest.approx(answers[0]["value"] + 500, rel=1e-3)
+    assert [lamp.kind for lamp in scene.lamps] == ["web"] * 6
+    isolux.solve(scene, error=0.03).save(tmp_path / "office.isolux")
+    opened = isolux.open(tmp_path / "office.isolux")
+    assert opened.matches(scene)
+    # Light of one lamp alone, and none that comes by way of other surfaces, at its foot on either triangle.
+    alone = opened.relight(
+        {lamp.name: float(lamp.name == "downlight 3") for lamp in scene.lamps},
+        reflectance={material.name: 0.0 for material in scene.materials},
+    )
+    for face in (0, 1):
+        corners = np.vstack([scene.triangles[face].T, np.ones(3)])
+        weights = np.linalg.lstsq(corners, [3.5, 0, 1.2, 1], rcond=None)[0]
+        if weights.min() >= 0:
+            found = alone.irradiance_at([face], [weights])[0, 0]
+            break
+    # The asked error is that of all surfaces together; next to the peak light is smooth.
+    assert found == pytest.approx(answers[1]["value"], rel=0.01)
 
 
 def test_light_units_are_told_by_name():

@@ -1006,6 +1006,128 @@ fn light_units_are_as_blender_exports_them() {
     assert_eq!(LightUnits::from_name("lumen"), None);
 }
 
+/// A luminaire of 1, 0.8 and 0 times 100 cd at 0, 45 and 90 degrees, its horizontal angles one or those of a quarter circle that
+/// has half of that at 90.
+fn ies(is_round: bool) -> String {
+    let (angles, rows) = if is_round { ("1", "0\n100 80 0") } else { ("2", "0 90\n100 80 0\n50 40 0") };
+    format!("IESNA:LM-63-2002\nTILT=NONE\n1 -1 1 3 {angles} 1 2 0 0 0\n1 1 10\n0 45 90\n{rows}\n")
+}
+
+/// A triangle with three light profiles, one of each way to bring them along, and nodes that show them: hanging, turned, mirrored.
+fn with_profiles() -> Glb {
+    let mut glb = Glb::triangle(json!({}));
+    let half = std::f64::consts::FRAC_1_SQRT_2;
+    let view = glb.view(ies(true).as_bytes());
+    let data = format!("data:application/x-ies-lm-63,{}", ies(false).replace('\n', "%0A"));
+    let node = |light: usize| json!({"EXT_lights_ies": {"light": light}});
+    glb.json["nodes"] = json!([
+        {"name": "tri", "mesh": 0, "children": [1, 2, 3, 4]},
+        {"name": "hanging", "translation": [1, 2, 3], "scale": [3, 3, 3], "rotation": [-half, 0, 0, half],
+            "extensions": {"EXT_lights_ies": {"light": 0, "multiplier": 2.5, "color": [1, 0.5, 7]}}},
+        {"translation": [0, 1, 0], "rotation": [0, half, 0, half], "extensions": node(1)},
+        {"name": "mirror", "scale": [1, -1, 1], "extensions": node(1)},
+        {"name": "beside", "extensions": node(2)},
+    ]);
+    glb.json["extensions"] = json!({"EXT_lights_ies": {"lights": [
+        {"bufferView": view, "mimeType": "application/x-ies-lm-63"},
+        {"uri": data, "name": "oval"},
+        {"uri": "my%20lamps/round.ies"},
+        {"uri": "nobody shows it.ies"},
+    ]}});
+    glb.json["extensionsUsed"] = json!(["EXT_lights_ies"]);
+    glb.json["extensionsRequired"] = json!(["EXT_lights_ies"]);
+    glb
+}
+
+fn read_profiles(glb: &Glb, beside: &str) -> Result<SceneInput, ReadError> {
+    let folder = Folder::new();
+    folder.write("my lamps/round.ies", beside);
+    folder.read("room.glb", glb.bytes())
+}
+
+/// Catches light profiles that are not found where they are, that point along another axis than -z, a lost multiplier or tint, a
+/// luminaire that stays the same where its node is a mirror, and flux that changes with a node's scale.
+#[test]
+fn light_profiles_are_read() {
+    let scene = read_profiles(&with_profiles(), &ies(true)).unwrap();
+    let [hanging, oval, mirror, beside] = &scene.lamps[..] else { panic!("{:?}", scene.lamps) };
+    let names = [hanging, oval, mirror, beside].map(|lamp| lamp.name.as_str());
+    assert_eq!(names, ["hanging", "oval", "mirror", "beside"]);
+    near(hanging.position, [1.0, 2.0, 3.0]);
+    near(hanging.forward, [0.0, -1.0, 0.0]);
+    assert_eq!(hanging.intensity, Rgb([2.5, 1.25, 2.5]));
+    assert_eq!(beside.intensity, Rgb::splat(1.0));
+    near(oval.forward, [-1.0, 0.0, 0.0]);
+    near(oval.side, [0.0, 0.0, -1.0]);
+    // The file's piecewise linear function: integral of I(v) sin v over both halves of the quarter circle.
+    let (q, h) = (PI / 4.0, 0.5_f64.sqrt());
+    let first = 100.0 - 80.0 * h - 20.0 / q * h;
+    let second = 80.0 * h - 80.0 / q * (1.0 - h);
+    let round = 2.0 * PI * (first + second);
+    for (lamp, wanted) in [(hanging, 2.5 * round), (oval, 0.75 * round), (mirror, 0.75 * round), (beside, round)] {
+        let power = lamp.power().unwrap()[0];
+        assert!((power / wanted - 1.0).abs() < 1e-9, "{}: {power} {wanted}", lamp.name);
+    }
+    // Along +x of the node H is 0, along its y it is 90, and 270 the other way: alike in this file.
+    let at = |x: f64, y: f64| DVec3::new(x, y, -1.0).normalize();
+    for (direction, wanted) in [(at(1.0, 0.0), 80.0), (at(0.0, 1.0), 40.0), (at(0.0, -1.0), 40.0), (at(h, h), 60.0)] {
+        let found = mirror.share(direction);
+        assert!((found - wanted).abs() < 1e-6, "{direction}: {found}");
+    }
+    assert!(scene.issues.iter().all(|issue| !issue.message.contains("EXT_lights_ies")), "{:?}", scene.issues);
+    Scene::build(scene, &BuildOptions::default()).unwrap();
+}
+
+/// Catches a lamp that counts twice where a file has a light for readers that know no profiles, and a warning of a luminaire's
+/// file that is lost, or said for each lamp.
+#[test]
+fn light_profiles_take_precedence_and_tell_what_was_mended() {
+    let mut glb = with_profiles();
+    glb.json["nodes"][1]["extensions"]["KHR_lights_punctual"] = json!({"light": 0});
+    glb.json["extensions"]["KHR_lights_punctual"] = json!({"lights": [{"type": "point"}]});
+    glb.json["nodes"][2]["extensions"]["EXT_lights_ies"]["light"] = json!(2);
+    let scene = read_profiles(&glb, &ies(true).replace("IESNA:LM-63-2002", "IESNA:LM-63-2077")).unwrap();
+    assert_eq!(scene.lamps.len(), 4);
+    assert!(scene.lamps.iter().all(|lamp| matches!(lamp.shape, LampShape::Web(_))));
+    assert_eq!(find(&scene, IssueKind::Ignored, "hanging", "KHR_lights_punctual").severity, Severity::Warning);
+    let told: Vec<&Issue> = scene.issues.iter().filter(|issue| issue.message.contains("round.ies: line 1")).collect();
+    assert_eq!(told.len(), 1, "{:?}", scene.issues);
+}
+
+/// Catches light profiles that are missing or broken and pass in silence, or whose error names neither lamp nor file nor line.
+#[test]
+fn broken_light_profiles_are_errors_by_name() {
+    let refused = |change: &dyn Fn(&mut Glb), beside: &str| {
+        let mut glb = with_profiles();
+        change(&mut glb);
+        let error = read_profiles(&glb, beside).unwrap_err();
+        assert_one_line(&error);
+        error.to_string()
+    };
+    let node = |member: &'static str, value: Value| {
+        move |glb: &mut Glb| glb.json["nodes"][4]["extensions"]["EXT_lights_ies"][member] = value.clone()
+    };
+    let profile =
+        |value: Value| move |glb: &mut Glb| glb.json["extensions"]["EXT_lights_ies"]["lights"][2] = value.clone();
+    let sound = ies(true);
+    let broken = refused(&|_| {}, &sound.replace("80", "eighty"));
+    assert!(broken.contains("room.glb: lamp 'beside': my%20lamps/round.ies: line 7: expected "), "{broken}");
+    for (message, parts) in [
+        (refused(&node("light", json!(4)), &sound), ["node 'beside'", "light profile 4, but there are 4"]),
+        (refused(&node("light", json!(1_u64 << 32)), &sound), ["node 'beside'", "but there are 4"]),
+        (refused(&node("light", json!("first")), &sound), ["lamp 'beside'", "names no light"]),
+        (refused(&node("multiplier", json!("much")), &sound), ["lamp 'beside'", "multiplier is no number"]),
+        (refused(&node("color", json!([1, 2])), &sound), ["lamp 'beside'", "color is not three numbers"]),
+        (refused(&profile(json!({"uri": "gone.ies"})), &sound), ["lamp 'beside'", "gone.ies: no such file"]),
+        (refused(&profile(json!({"uri": "/etc/passwd"})), &sound), ["lamp 'beside'", "absolute paths are refused"]),
+        (refused(&profile(json!({"uri": "data:,nothing"})), &sound), ["lamp 'beside'", "light profile 2: line 1"]),
+        (refused(&profile(json!({"bufferView": 99})), &sound), ["light profile 2", "buffer view 99 is out of range"]),
+        (refused(&profile(json!({})), &sound), ["lamp 'beside'", "neither a URI nor a buffer view"]),
+    ] {
+        assert!(parts.iter().all(|part| message.contains(part)), "{message} {parts:?}");
+    }
+}
+
 /// All numbers of a JSON text, to be changed.
 fn numbers<'a>(value: &'a mut Value, found: &mut Vec<&'a mut Value>) {
     match value {

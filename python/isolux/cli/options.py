@@ -11,9 +11,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from isolux import _isolux
-from isolux.scene import LightUnits, Scene, load
+from isolux.scene import Lamp, LightUnits, Scene, load
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from isolux.report import Unit
 
 __all__ = [
@@ -21,6 +23,7 @@ __all__ = [
     "GatherRays",
     "Jobs",
     "JsonTarget",
+    "LampsOption",
     "LightUnitsOption",
     "ProgressMode",
     "ProgressOption",
@@ -83,6 +86,17 @@ LightUnitsOption = Annotated[
     ),
 ]
 
+LampsOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--lamp",
+        metavar="FILE@X,Y,Z[,ROTATION[,TILT]]",
+        help="Hang a luminaire, IES (.ies) or EULUMDAT (.ldt), at a place in metres. It points down, "
+        "its plane C0 (horizontal angle 0) along +x; ROTATION turns it about the vertical, counter-clockwise "
+        "seen from above, TILT raises it towards C0, both in degrees. May be repeated.",
+    ),
+]
+
 _LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "km": 1000.0, "in": 0.0254, "ft": 0.3048}
 #: Factor on emission, and what it counts. A radiosity is pi times a radiance; readers multiply by pi.
 _EMISSIONS: dict[str, tuple[float, Unit]] = {
@@ -94,8 +108,11 @@ _EMISSIONS: dict[str, tuple[float, Unit]] = {
 }
 
 
-def load_scene(path: Path, units: str | None, light_units: LightUnits = "spec") -> Scene:
-    """Load a scene in the units asked for."""
+def load_scene(
+    path: Path, units: str | None, light_units: LightUnits = "spec", lamps: Sequence[str] | None = None
+) -> Scene:
+    """Load a scene in the units asked for, with luminaires that are hung into it."""
+    hung = [_luminaire(text) for text in lamps or ()]
     length: float | None = None
     emission, unit = _EMISSIONS["cd/m2"]
     for word in () if units is None else units.split(","):
@@ -111,7 +128,22 @@ def load_scene(path: Path, units: str | None, light_units: LightUnits = "spec") 
                 f"'{word}' is neither a length ({', '.join(_LENGTHS)}, or metres per unit) "
                 f"nor an emission ({', '.join(_EMISSIONS)})",
             )
-    return load(path, metres_per_unit=length, emission_scale=emission, unit=unit, light_units=light_units)
+    return load(
+        path, metres_per_unit=length, emission_scale=emission, unit=unit, light_units=light_units, lamps=hung
+    )
+
+
+def _luminaire(text: str) -> Lamp:
+    """``lamp.ies@x,y,z``, and how it is turned."""
+    file, at, numbers = text.rpartition("@")
+    try:
+        x, y, z, *turned = (float(number) for number in numbers.split(","))
+        rotation, tilt = (*turned, 0.0, 0.0)[: max(2, len(turned))]
+    except ValueError:
+        file = ""
+    if not (file and at and all(math.isfinite(value) for value in (x, y, z, rotation, tilt))):
+        raise _wrong("--lamp", f"'{text}' is not FILE@X,Y,Z[,ROTATION[,TILT]]")
+    return Lamp.from_file(file, (x, y, z), rotation=rotation, tilt=tilt)
 
 
 def check_target(

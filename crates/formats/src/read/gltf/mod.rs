@@ -7,6 +7,7 @@ mod extensions;
 mod material;
 mod mesh;
 mod nodes;
+mod profiles;
 
 pub(super) use container::{MAGIC, looks_like_json};
 
@@ -30,7 +31,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<S
     let document = container::open(path, bytes)?;
     let mut scene = SceneInput { metres_per_unit: options.metres_per_unit.unwrap_or(1.0), ..SceneInput::default() };
     scene.issues = extensions::notes(&document.file, document.root());
-    let walk = nodes::walk(&document, options.light_units)?;
+    let walk = nodes::walk(&document, options)?;
     scene.issues.extend(walk.issues);
     scene.cameras = walk.cameras;
     scene.lamps = walk.lamps;
