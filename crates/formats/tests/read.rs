@@ -427,6 +427,97 @@ fn cameras_are_read_and_what_is_not_read_is_said() {
 
 // ---------------------------------------------------------------------------------------------------- materials
 
+/// A picture of 8 x 8 texels, all different, on a screen of 1 x 2 that two triangles make; and what its emissive strength is.
+fn with_screen(size: u32, nodes: usize) -> (Glb, RgbaImage) {
+    let picture = RgbaImage::from_fn(size, size, |x, y| Rgba([(x * 29) as u8, (y * 31) as u8, (x * y * 5) as u8, 255]));
+    let mut glb = Glb::new();
+    let position = glb.floats("VEC3", &[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 2.0, 0.0, 0.0, 2.0, 0.0]);
+    let uv = glb.floats("VEC2", &[0.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0]);
+    let indices = glb.indices_u16(&[0, 1, 2, 0, 2, 3]);
+    let texture = glb.texture(&picture, json!({"magFilter": 9728}));
+    glb.push(
+        "materials",
+        json!({"name": "screen", "emissiveFactor": [1, 0.5, 0.25], "emissiveTexture": {"index": texture},
+            "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 40}}}),
+    );
+    let primitive = json!({"attributes": {"POSITION": position, "TEXCOORD_0": uv}, "indices": indices, "material": 0});
+    glb.push("meshes", json!({"primitives": [primitive]}));
+    let roots: Vec<usize> = (0..nodes).map(|_| glb.push("nodes", json!({"name": "tv", "mesh": 0}))).collect();
+    glb.json["scenes"][0]["nodes"] = json!(roots);
+    (glb, picture)
+}
+
+/// What the texels that a face covers emit, per m², by a sum over points of it.
+fn emitted(face: &Face, picture: &RgbaImage) -> [f64; 3] {
+    let steps = 96;
+    let [a, b, c] = face.corners[..] else { panic!("{face:?}") };
+    let mut sum = [0.0; 3];
+    for i in 0..steps {
+        for j in 0..steps - i {
+            let (s, t) = ((f64::from(i) + 1.0 / 3.0) / f64::from(steps), (f64::from(j) + 1.0 / 3.0) / f64::from(steps));
+            let at = a + (b - a) * s + (c - a) * t;
+            let texel = |share: f64| ((share * f64::from(picture.width())) as u32).min(picture.width() - 1);
+            let pixel = picture.get_pixel(texel(at.x), texel(1.0 - at.y / 2.0));
+            for (band, factor) in [1.0, 0.5, 0.25].into_iter().enumerate() {
+                sum[band] += PI * 40.0 * factor * linear(pixel[band]) * 2.0 / f64::from(steps * (steps + 1));
+            }
+        }
+    }
+    sum
+}
+
+/// Catches a screen that lights like its mean: parts have to emit what their texels do, in linear light, leave no gap, and all of
+/// it has to stay what the texture gives; a texture that is even to a part is left whole.
+#[test]
+fn screens_emit_what_their_pictures_show() {
+    let (glb, picture) = with_screen(8, 1);
+    let scene = glb.scene();
+    // 8 steps: each part lies in one texel.
+    assert_eq!(scene.faces.len(), 2 * 8 * 8);
+    find(&scene, IssueKind::Assumed, "tv", "2 triangles are cut into 128 faces");
+    let area =
+        |face: &Face| (face.corners[1] - face.corners[0]).cross(face.corners[2] - face.corners[0]).length() / 2.0;
+    assert!((scene.faces.iter().map(area).sum::<f64>() - 2.0).abs() < 1e-12);
+    let mut totals = [0.0; 3];
+    for face in &scene.faces {
+        assert!(normal(face).z > 0.0);
+        let (found, wanted) = (face.surface.unwrap().emission, emitted(face, &picture));
+        // Points of a sum over 96 steps; of the strongest texel.
+        close(found, wanted, 0.02 * PI * 40.0);
+        (0..3).for_each(|band| totals[band] += area(face) * found[band]);
+    }
+    let texels = f64::from(picture.width() * picture.height());
+    for (band, factor) in [1.0, 0.5, 0.25].into_iter().enumerate() {
+        let mean = picture.pixels().map(|pixel| linear(pixel[band])).sum::<f64>() / texels;
+        // Two-point Gauss along 45 degrees through texels.
+        assert!((totals[band] / (2.0 * PI * 40.0 * factor * mean) - 1.0).abs() < 1e-3, "{totals:?}");
+    }
+    let built = Scene::build(scene, &BuildOptions::default()).unwrap();
+    assert_eq!(built.fronts, 2 * (28 + 8));
+    // Joined parts stay within a texel.
+    for polygon in &built.polygons {
+        let at = polygon.corners.mean();
+        let pixel = picture.get_pixel((at.x * 8.0) as u32, ((1.0 - at.y / 2.0) * 8.0) as u32);
+        let texel: [f64; 3] = std::array::from_fn(|band| PI * 40.0 * [1.0, 0.5, 0.25][band] * linear(pixel[band]));
+        close(polygon.emission, texel, 1e-3 * PI * 40.0);
+    }
+    // Grey of one value, and noise finer than any part: nothing to be told apart.
+    let (mut glb, _) = with_screen(1, 1);
+    assert_eq!(glb.scene().faces.len(), 2);
+    let chequers = RgbaImage::from_fn(512, 512, |x, y| Rgba([((x + y) % 2 * 255) as u8; 4]));
+    let texture = glb.texture(&chequers, json!({}));
+    glb.json["materials"][0]["emissiveTexture"]["index"] = json!(texture);
+    assert_eq!(glb.scene().faces.len(), 2);
+}
+
+/// Catches cutting without a bound: a few bytes of nodes that all show one screen can ask for any number of faces.
+#[test]
+fn screens_are_cut_within_bounds() {
+    for (nodes, each) in [(16, 128), (60, 32), (200, 8), (9000, 2)] {
+        assert_eq!(with_screen(8, nodes).0.scene().faces.len(), nodes * each, "{nodes}");
+    }
+}
+
 /// Catches emission without pi, strength or the option's scale; metallic and two-sided not heeded.
 #[test]
 fn plain_materials_become_surfaces() {
@@ -468,16 +559,32 @@ fn metallic_is_said_once_per_material() {
 #[test]
 fn textures_average_in_linear_space() {
     let pixels = halves([0, 0, 0, 255], [255, 255, 255, 255]);
-    let glb = textured(&pixels, json!({}), |texture| {
-        json!({"emissiveFactor": [1, 1, 1], "emissiveTexture": {"index": texture}, "pbrMetallicRoughness": {
-            "metallicFactor": 0, "baseColorFactor": [0.5, 1, 1, 1], "baseColorTexture": {"index": texture},
-        }})
-    });
-    let scene = glb.scene();
-    // Lower right triangle: the right half holds 3/4 of it.
+    let with_texture = |factor: [f64; 3]| {
+        textured(&pixels, json!({}), |texture| {
+            json!({"emissiveFactor": factor, "emissiveTexture": {"index": texture}, "pbrMetallicRoughness": {
+                "metallicFactor": 0, "baseColorFactor": [0.5, 1, 1, 1], "baseColorTexture": {"index": texture},
+            }})
+        })
+    };
+    let aglow = with_texture([1.0; 3]).scene();
+    // Lower right triangle: the right half holds 3/4 of it, on average over the four equal parts that it is cut into, each in
+    // one half.
+    let parts = &aglow.faces[..aglow.faces.len() / 2];
+    let mean = |value: &dyn Fn(&isolux_core::scene::Surface) -> Rgb| {
+        parts.iter().map(|face| value(face.surface.as_ref().unwrap())).sum::<Rgb>() / parts.len() as f64
+    };
+    assert_eq!(parts.len(), 4);
+    assert!(
+        parts.iter().all(|face| [0.0, PI].iter().any(|&all| (face.surface.unwrap().emission[0] - all).abs() < 1e-3))
+    );
+    close(mean(&|surface| surface.emission), [0.75 * PI; 3], 1e-3);
+    close(mean(&|surface| surface.reflectance), [0.375, 0.75, 0.75], 1e-4);
+    // Parts are counted from the right angle.
+    let uv = [DVec2::new(1.0, 0.0), DVec2::new(1.0, 0.5), DVec2::new(0.5, 0.0)];
+    assert_eq!(aglow.faces[0].uv.as_deref(), Some(&uv[..]));
+    let scene = with_texture([0.0; 3]).scene();
     let surface = scene.faces[0].surface.unwrap();
     close(surface.reflectance, [0.375, 0.75, 0.75], 1e-4);
-    close(surface.emission, [0.75 * PI; 3], 1e-3);
     close(scene.faces[1].surface.unwrap().reflectance, [0.125, 0.25, 0.25], 1e-4);
     let material = &scene.materials[0];
     close(material.surface.reflectance, [0.25, 0.5, 0.5], 1e-4);
@@ -1141,7 +1248,8 @@ fn numbers<'a>(value: &'a mut Value, found: &mut Vec<&'a mut Value>) {
 /// Catches a file that the next test would spoil in vain, since it is not read in the first place.
 #[test]
 fn the_file_to_be_damaged_is_sound() {
-    assert_eq!(everything().scene().faces.len(), 6);
+    // Two meshes of two triangles, and one of two that shines: its parts.
+    assert!(everything().scene().faces.len() > 6);
 }
 
 proptest! {
