@@ -15,6 +15,7 @@ from isolux.scene import Lamp, Light, LightGroup, Material, Scene, load
 from isolux.settings import Settings
 from isolux.solution import Solution, solve
 from isolux.solution import open_solution as open  # noqa: A004
+from isolux.sun import SunPosition, sun_position
 
 __all__ = [
     "Cancelled",
@@ -30,10 +31,12 @@ __all__ = [
     "Scene",
     "Settings",
     "Solution",
+    "SunPosition",
     "__version__",
     "exceptions",
     "load",
     "open",
     "read_photometry",
     "solve",
+    "sun_position",
 ]

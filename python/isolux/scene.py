@@ -15,8 +15,10 @@ from isolux._arrays import floats, integers
 from isolux.exceptions import ReadError
 from isolux.photometry import PHOTOMETRIC_SUFFIXES, Photometry, read_photometry
 from isolux.report import Bands, Issue, Unit
+from isolux.sun import clear_sun, sun_direction, sun_position
 
 if TYPE_CHECKING:
+    import datetime
     from collections.abc import Mapping, Sequence
 
     from numpy.typing import ArrayLike, NDArray
@@ -188,6 +190,52 @@ class Lamp:
             intensity=intensity,
             side=(down * east, out, down * south),
             photometry=luminaire,
+        )
+
+    @classmethod
+    def sun(
+        cls,
+        latitude: float,
+        longitude: float,
+        time: datetime.datetime,
+        *,
+        illuminance: float | Sequence[float] | None = None,
+        north: float = 0.0,
+        name: str = "sun",
+    ) -> Lamp:
+        """Make the sun of a place and time, as parallel light.
+
+        Parameters
+        ----------
+        latitude, longitude
+            Degrees, north and east positive.
+        time
+            With its time zone.
+        illuminance
+            Of a surface that faces the sun, lm/m² or W/m², one number or linear RGB; None stands for the
+            lm/m² of a clear sky, see `isolux.sun.clear_sun`.
+        north
+            Where north is: 0 along -Z (and east along +X), else so many degrees counter-clockwise from there,
+            seen from above.
+        name
+            Name of the lamp and of its light group.
+
+        Raises
+        ------
+        ValueError
+            Where there is no such place, the time has no zone, or the sun is below the horizon then.
+        """
+        position = sun_position(latitude, longitude, time)
+        if position.elevation <= 0.0:
+            raise ValueError(
+                f"the sun is {-position.elevation:.1f} degrees below the horizon at {latitude},{longitude}, "
+                f"{time.isoformat()}"
+            )
+        return cls(
+            name=name,
+            kind="sun",
+            direction=sun_direction(position, north),
+            intensity=clear_sun(position, time) if illuminance is None else illuminance,
         )
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import base64
 import dataclasses
+import io
 import json
 from pathlib import Path
 
@@ -11,6 +13,7 @@ import pytest
 from conftest import CUBE, ROOT, SIDES, box, lamp
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from PIL import Image
 
 import isolux
 from isolux.exceptions import MissingExtraError, ReadError, SceneError
@@ -425,6 +428,91 @@ def test_an_office_has_what_its_luminaires_throw(tmp_path):
             break
     # The asked error is that of all surfaces together; next to the peak light is smooth.
     assert found == pytest.approx(answers[1]["value"], rel=0.01)
+
+
+def screen(path: Path, picture: list[list[int]]) -> Path:
+    """A glTF file of a floor of 2 m and, upright at its end, a screen of 2 m x 1 m, of 100 cd/m2 at most."""
+    rows = np.repeat(np.array(picture, np.uint8)[:, :, None], 3, axis=2)
+    png = io.BytesIO()
+    Image.fromarray(rows).save(png, "png")
+    floor = [(-1, 0, 0), (-1, 0, 2), (1, 0, 2), (1, 0, 0)]
+    upright = [(-1, 0, 0), (1, 0, 0), (1, 1, 0), (-1, 1, 0)]
+    corners = np.array([*floor, *upright], "<f4").tobytes()
+    uv = np.array([(0, 1), (1, 1), (1, 0), (0, 0)], "<f4").tobytes()
+    indices = np.array([0, 1, 2, 0, 2, 3], "<u2").tobytes()
+    data = corners + uv + indices
+    views = [(0, 48), (48, 48), (96, 32), (128, 12)]
+
+    def uri(mime: str, content: bytes) -> str:
+        return f"data:{mime};base64,{base64.b64encode(content).decode()}"
+
+    def mesh(material: int, **attributes: int) -> dict[str, object]:
+        return {"primitives": [{"attributes": attributes, "indices": 3, "material": material}]}
+
+    vectors = [{"bufferView": view, "componentType": 5126, "count": 4, "type": "VEC3"} for view in (0, 1)]
+    document = {
+        "asset": {"version": "2.0"},
+        "scenes": [{"nodes": [0, 1]}],
+        "nodes": [{"name": "floor", "mesh": 0}, {"name": "screen", "mesh": 1}],
+        "meshes": [mesh(0, POSITION=0), mesh(1, POSITION=1, TEXCOORD_0=2)],
+        "materials": [
+            {
+                "name": "grey",
+                "pbrMetallicRoughness": {"baseColorFactor": [0.5] * 3 + [1], "metallicFactor": 0},
+            },
+            {
+                "name": "glow",
+                "pbrMetallicRoughness": {"baseColorFactor": [0, 0, 0, 1], "metallicFactor": 0},
+                "emissiveFactor": [1, 1, 1],
+                "emissiveTexture": {"index": 0},
+                "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 100}},
+            },
+        ],
+        "textures": [{"source": 0}],
+        "images": [{"uri": uri("image/png", png.getvalue())}],
+        "accessors": [
+            *vectors,
+            {"bufferView": 2, "componentType": 5126, "count": 4, "type": "VEC2"},
+            {"bufferView": 3, "componentType": 5123, "count": 6, "type": "SCALAR"},
+        ],
+        "bufferViews": [{"buffer": 0, "byteOffset": at, "byteLength": size} for at, size in views],
+        "buffers": [{"byteLength": len(data), "uri": uri("application/octet-stream", data)}],
+        "extensionsUsed": ["KHR_materials_emissive_strength"],
+    }
+    path.write_text(json.dumps(document))
+    return path
+
+
+def test_a_screen_lights_like_polygons_of_its_pictures_parts(tmp_path):
+    """Catches a screen that lights the floor by its mean: it is as four polygons of one value each."""
+    picture = [[0, 255], [188, 64]]
+    read = isolux.load(screen(tmp_path / "screen.gltf", picture))
+    assert read.check() == []
+    codes = np.array(picture) / 255
+    linear = np.where(codes <= 0.04045, codes / 12.92, ((codes + 0.055) / 1.055) ** 2.4)
+    materials, faces = [isolux.Material("grey", 0.5)], [[0, 1, 2, 3]]
+    corners = [[-1, 0, 0], [-1, 0, 2], [1, 0, 2], [1, 0, 0]]
+    for row in (0, 1):
+        for column in (0, 1):
+            x, y, first = column - 1, 0.5 * (1 - row), len(corners)
+            corners += [[x, y, 0], [x + 1, y, 0], [x + 1, y + 0.5, 0], [x, y + 0.5, 0]]
+            faces.append([first, first + 1, first + 2, first + 3])
+            materials.append(isolux.Material(f"{row}{column}", 0.0, 100 * np.pi * linear[row, column]))
+    split = isolux.Scene.from_arrays(corners, faces, materials, face_materials=range(5))
+    # Means of a texture are taken to 1e-3 or better.
+    np.testing.assert_allclose(read.emitted_power, split.emitted_power, rtol=1e-3)
+    mean = np.pi * 100 * linear.mean()
+    even = [materials[0], *(isolux.Material(entry.name, 0.0, mean) for entry in materials[1:])]
+    flat = isolux.Scene.from_arrays(corners, faces, even, face_materials=range(5))
+    solved = [isolux.solve(scene, error=0.01) for scene in (read, split, flat)]
+    weights = np.random.default_rng(1).dirichlet([1, 1, 1], 500)
+    found, wanted, by_mean = (
+        np.concatenate([solution.irradiance_at([face] * 500, weights)[:, 0] for face in (0, 1)])
+        for solution in solved
+    )
+    # Each is within 1 % of the truth, of their mean.
+    assert np.sqrt(np.mean((found - wanted) ** 2)) < 0.02 * wanted.mean()
+    assert np.sqrt(np.mean((by_mean - wanted) ** 2)) > 0.2 * wanted.mean()
 
 
 def test_light_units_are_told_by_name():

@@ -9,7 +9,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from isolux.cli import tables
-from isolux.cli.options import JsonTarget, LampsOption, LightUnitsOption, Units, load_scene, write_json
+from isolux.cli.options import (
+    JsonTarget,
+    LampsOption,
+    LightUnitsOption,
+    NorthOption,
+    SunOption,
+    Units,
+    load_scene,
+    write_json,
+)
 from isolux.cli.terminal import interrupts, show
 from isolux.photometry import PHOTOMETRIC_SUFFIXES, Photometry, read_photometry
 
@@ -30,6 +39,8 @@ def inspect(
     units: Units = None,
     light_units: LightUnitsOption = "spec",
     lamps: LampsOption = None,
+    sun: SunOption = None,
+    north: NorthOption = 0.0,
     json: JsonTarget = None,
 ) -> int:
     """Show what is in a scene: extents, polygons, lights and lamps by groups, cameras, materials, findings.
@@ -52,10 +63,11 @@ def inspect(
         if scene.suffix.lower() in PHOTOMETRIC_SUFFIXES:
             if units is not None:
                 raise typer.BadParameter("a luminaire's file says its units", param_hint="--units")
-            if lamps is not None:
-                raise typer.BadParameter("luminaires hang in scenes, not in luminaires", param_hint="--lamp")
+            if lamps is not None or sun is not None:
+                option = "--lamp" if lamps is not None else "--sun"
+                raise typer.BadParameter("lamps are added to scenes, not to luminaires", param_hint=option)
             return _show_luminaire(read_photometry(scene), json)
-        loaded = load_scene(scene, units, light_units, lamps)
+        loaded = load_scene(scene, units, light_units, lamps, sun, north)
         loaded.check()
         findings = sorted(loaded.issues + loaded.audit(), key=lambda issue: issue.severity != "warning")
         return _show(loaded, scene, findings, json)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 import json
 import math
 import os
@@ -11,7 +12,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from isolux import _isolux
+from isolux.cli.terminal import say
 from isolux.scene import Lamp, LightUnits, Scene, load
+from isolux.sun import sun_position
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -25,8 +28,10 @@ __all__ = [
     "JsonTarget",
     "LampsOption",
     "LightUnitsOption",
+    "NorthOption",
     "ProgressMode",
     "ProgressOption",
+    "SunOption",
     "Units",
     "bytes_of",
     "check_target",
@@ -97,6 +102,25 @@ LampsOption = Annotated[
     ),
 ]
 
+SunOption = Annotated[
+    str | None,
+    typer.Option(
+        "--sun",
+        metavar="LAT,LON@TIME[=LUX]",
+        help="Add the sun of a place and time, e.g. 48.1,11.6@2026-06-21T12:00+02:00: parallel light, by "
+        "default as bright as under a clear sky; LUX (with watts: W/m²) is what a surface facing it gets.",
+    ),
+]
+NorthOption = Annotated[
+    float,
+    typer.Option(
+        "--north",
+        metavar="DEGREES",
+        help="Where north is for --sun: 0 along -z (east along +x), else so far counter-clockwise, seen from "
+        "above.",
+    ),
+]
+
 _LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "km": 1000.0, "in": 0.0254, "ft": 0.3048}
 #: Factor on emission, and what it counts. A radiosity is pi times a radiance; readers multiply by pi.
 _EMISSIONS: dict[str, tuple[float, Unit]] = {
@@ -109,10 +133,15 @@ _EMISSIONS: dict[str, tuple[float, Unit]] = {
 
 
 def load_scene(
-    path: Path, units: str | None, light_units: LightUnits = "spec", lamps: Sequence[str] | None = None
+    path: Path,
+    units: str | None,
+    light_units: LightUnits = "spec",
+    lamps: Sequence[str] | None = None,
+    sun: str | None = None,
+    north: float = 0.0,
 ) -> Scene:
-    """Load a scene in the units asked for, with luminaires that are hung into it."""
-    hung = [_luminaire(text) for text in lamps or ()]
+    """Load a scene in the units asked for, with luminaires and the sun that are added to it."""
+    added = [_luminaire(text) for text in lamps or ()]
     length: float | None = None
     emission, unit = _EMISSIONS["cd/m2"]
     for word in () if units is None else units.split(","):
@@ -128,9 +157,44 @@ def load_scene(
                 f"'{word}' is neither a length ({', '.join(_LENGTHS)}, or metres per unit) "
                 f"nor an emission ({', '.join(_EMISSIONS)})",
             )
+    if sun is not None:
+        added.append(_sun(sun, north, unit))
     return load(
-        path, metres_per_unit=length, emission_scale=emission, unit=unit, light_units=light_units, lamps=hung
+        path, metres_per_unit=length, emission_scale=emission, unit=unit, light_units=light_units, lamps=added
     )
+
+
+def _sun(text: str, north: float, unit: Unit) -> Lamp:
+    """``48.1,11.6@2026-06-21T12:00+02:00=80000``; where it stands is said."""
+    place, at, when = text.partition("@")
+    moment, equals, lux = when.partition("=")
+    try:
+        latitude, longitude = (float(number) for number in place.split(","))
+        # Before Python 3.11 a Z is not read.
+        time = datetime.datetime.fromisoformat(moment.strip().replace("Z", "+00:00"))
+        illuminance = float(lux) if equals else None
+    except ValueError:
+        at = ""
+    if not at or (illuminance is not None and not (math.isfinite(illuminance) and illuminance > 0.0)):
+        raise _wrong(
+            "--sun", f"'{text}' is not LAT,LON@TIME[=LUX], like 48.1,11.6@2026-06-21T12:00+02:00=80000"
+        )
+    if not math.isfinite(north):
+        raise _wrong("--north", f"{north} is no angle")
+    if illuminance is None and unit == "W":
+        raise _wrong(
+            "--sun", f"'{text}' needs =W/m² where power is counted in watts: a clear sky's is in lux"
+        )
+    try:
+        position = sun_position(latitude, longitude, time)
+        lamp = Lamp.sun(latitude, longitude, time, illuminance=illuminance, north=north)
+    except ValueError as error:
+        raise _wrong("--sun", str(error)) from None
+    say(
+        f"sun: {position.elevation:.2f}° high, {position.azimuth:.2f}° from north by east, "
+        f"{lamp.intensity:.6g} {unit}/m²"
+    )
+    return lamp
 
 
 def _luminaire(text: str) -> Lamp:

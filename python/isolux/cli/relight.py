@@ -14,6 +14,8 @@ from isolux.cli.options import (
     JsonTarget,
     LampsOption,
     LightUnitsOption,
+    NorthOption,
+    SunOption,
     Units,
     check_target,
     load_scene,
@@ -59,6 +61,8 @@ def relight(
     units: Units = None,
     light_units: LightUnitsOption = "spec",
     lamps: LampsOption = None,
+    sun: SunOption = None,
+    north: NorthOption = 0.0,
     threads: Jobs = 0,
     json: JsonTarget = None,
 ) -> int:
@@ -80,7 +84,7 @@ def relight(
     with interrupts():
         opened = isolux.open(solution)
         if scene is not None:
-            _check_scene(opened, solution, scene, load_scene(scene, units, light_units, lamps))
+            _check_scene(opened, solution, scene, load_scene(scene, units, light_units, lamps, sun, north))
         relit = opened.relight(lights, reflectance=paints, threads=threads)
         relit.save(out)
         values = {"output": str(out), "report": relit.report.to_dict()}

@@ -15,7 +15,9 @@ from isolux.cli.options import (
     JsonTarget,
     LampsOption,
     LightUnitsOption,
+    NorthOption,
     ProgressOption,
+    SunOption,
     Units,
     bytes_of,
     check_target,
@@ -62,6 +64,8 @@ def solve(
     units: Units = None,
     light_units: LightUnitsOption = "spec",
     lamps: LampsOption = None,
+    sun: SunOption = None,
+    north: NorthOption = 0.0,
     json: JsonTarget = None,
     progress: ProgressOption = "auto",
     dark: Annotated[
@@ -191,6 +195,8 @@ def solve(
         isolux solve room.glb -o room.isolux --error 0.01 --time 2m --memory 2G
 
         isolux solve office.glb --lamp downlight.ies@5,2.7,3 --lamp spot.ldt@3,2.7,2,90,30 -o office.isolux
+
+        isolux solve studio.glb --sun 48.1,11.6@2026-06-21T17:00+02:00 --north 60 -o studio.isolux
     """
     if quality is not None and error is not None:
         raise typer.BadParameter(
@@ -226,7 +232,7 @@ def solve(
     settings = isolux.Settings(**fields)
     check_target(out, scene, None, wrong=(".glb", ".gltf", ".obj", ".ply", ".vtu", ".png", ".exr"))
     with interrupts() as hand:
-        loaded = load_scene(scene, units, light_units, lamps)
+        loaded = load_scene(scene, units, light_units, lamps, sun, north)
         _tell_of_issues(loaded)
         say(tables.power(loaded))
         hand.keep()
