@@ -196,7 +196,7 @@ def solve(
 
         isolux solve office.glb --lamp downlight.ies@5,2.7,3 --lamp spot.ldt@3,2.7,2,90,30 -o office.isolux
 
-        isolux solve studio.glb --sun 48.1,11.6@2026-06-21T17:00+02:00 --north 60 -o studio.isolux
+        isolux solve studio.glb --sun 48.1,11.6@2026-06-21T17:00+02:00 --north 20 -o studio.isolux
     """
     if quality is not None and error is not None:
         raise typer.BadParameter(
