@@ -61,8 +61,8 @@ type Triple = (f64, f64, f64);
 
 #[pymethods]
 impl Scene {
-    /// A scene from a file: glTF or OBJ. `unit` is "lm" or "W"; `light_units` is "spec", "unitless" or "blender"; `lamps` come
-    /// after those of the file, in metres.
+    /// A scene from a file: glTF or OBJ. `unit` is "lm" or "W"; `light_units` is "spec", "unitless" or "blender";
+    /// `lamps` come after those of the file, in metres.
     #[staticmethod]
     fn load(
         py: Python<'_>,

@@ -427,7 +427,8 @@ fn cameras_are_read_and_what_is_not_read_is_said() {
 
 // ---------------------------------------------------------------------------------------------------- materials
 
-/// A picture of 8 x 8 texels, all different, on a screen of 1 x 2 that two triangles make; and what its emissive strength is.
+/// A picture of 8 x 8 texels, all different, on a screen of 1 x 2 that two triangles make; and what its emissive
+/// strength is.
 fn with_screen(size: u32, nodes: usize) -> (Glb, RgbaImage) {
     let picture = RgbaImage::from_fn(size, size, |x, y| Rgba([(x * 29) as u8, (y * 31) as u8, (x * y * 5) as u8, 255]));
     let mut glb = Glb::new();
@@ -466,8 +467,8 @@ fn emitted(face: &Face, picture: &RgbaImage) -> [f64; 3] {
     sum
 }
 
-/// Catches a screen that lights like its mean: parts have to emit what their texels do, in linear light, leave no gap, and all of
-/// it has to stay what the texture gives; a texture that is even to a part is left whole.
+/// Catches a screen that lights like its mean: parts have to emit what their texels do, in linear light, leave no gap,
+/// and all of it has to stay what the texture gives; a texture that is even to a part is left whole.
 #[test]
 fn screens_emit_what_their_pictures_show() {
     let (glb, picture) = with_screen(8, 1);
@@ -567,8 +568,8 @@ fn textures_average_in_linear_space() {
         })
     };
     let aglow = with_texture([1.0; 3]).scene();
-    // Lower right triangle: the right half holds 3/4 of it, on average over the four equal parts that it is cut into, each in
-    // one half.
+    // Lower right triangle: the right half holds 3/4 of it, on average over the four equal parts that it is cut into,
+    // each in one half.
     let parts = &aglow.faces[..aglow.faces.len() / 2];
     let mean = |value: &dyn Fn(&isolux_core::scene::Surface) -> Rgb| {
         parts.iter().map(|face| value(face.surface.as_ref().unwrap())).sum::<Rgb>() / parts.len() as f64
@@ -1113,14 +1114,15 @@ fn light_units_are_as_blender_exports_them() {
     assert_eq!(LightUnits::from_name("lumen"), None);
 }
 
-/// A luminaire of 1, 0.8 and 0 times 100 cd at 0, 45 and 90 degrees, its horizontal angles one or those of a quarter circle that
-/// has half of that at 90.
+/// A luminaire of 1, 0.8 and 0 times 100 cd at 0, 45 and 90 degrees, its horizontal angles one or those of a quarter
+/// circle that has half of that at 90.
 fn ies(is_round: bool) -> String {
     let (angles, rows) = if is_round { ("1", "0\n100 80 0") } else { ("2", "0 90\n100 80 0\n50 40 0") };
     format!("IESNA:LM-63-2002\nTILT=NONE\n1 -1 1 3 {angles} 1 2 0 0 0\n1 1 10\n0 45 90\n{rows}\n")
 }
 
-/// A triangle with three light profiles, one of each way to bring them along, and nodes that show them: hanging, turned, mirrored.
+/// A triangle with three light profiles, one of each way to bring them along, and nodes that show them: hanging,
+/// turned, mirrored.
 fn with_profiles() -> Glb {
     let mut glb = Glb::triangle(json!({}));
     let half = std::f64::consts::FRAC_1_SQRT_2;
@@ -1152,8 +1154,8 @@ fn read_profiles(glb: &Glb, beside: &str) -> Result<SceneInput, ReadError> {
     folder.read("room.glb", glb.bytes())
 }
 
-/// Catches light profiles that are not found where they are, that point along another axis than -z, a lost multiplier or tint, a
-/// luminaire that stays the same where its node is a mirror, and flux that changes with a node's scale.
+/// Catches light profiles that are not found where they are, that point along another axis than -z, a lost multiplier
+/// or tint, a luminaire that stays the same where its node is a mirror, and flux that changes with a node's scale.
 #[test]
 fn light_profiles_are_read() {
     let scene = read_profiles(&with_profiles(), &ies(true)).unwrap();
@@ -1185,8 +1187,8 @@ fn light_profiles_are_read() {
     Scene::build(scene, &BuildOptions::default()).unwrap();
 }
 
-/// Catches a lamp that counts twice where a file has a light for readers that know no profiles, and a warning of a luminaire's
-/// file that is lost, or said for each lamp.
+/// Catches a lamp that counts twice where a file has a light for readers that know no profiles, and a warning of a
+/// luminaire's file that is lost, or said for each lamp.
 #[test]
 fn light_profiles_take_precedence_and_tell_what_was_mended() {
     let mut glb = with_profiles();
@@ -1201,7 +1203,8 @@ fn light_profiles_take_precedence_and_tell_what_was_mended() {
     assert_eq!(told.len(), 1, "{:?}", scene.issues);
 }
 
-/// Catches light profiles that are missing or broken and pass in silence, or whose error names neither lamp nor file nor line.
+/// Catches light profiles that are missing or broken and pass in silence, or whose error names neither lamp nor file
+/// nor line.
 #[test]
 fn broken_light_profiles_are_errors_by_name() {
     let refused = |change: &dyn Fn(&mut Glb), beside: &str| {

@@ -94,8 +94,8 @@ fn a_floor_gets_what_the_formula_says() {
     }
 }
 
-/// Catches luminaires whose light comes out elsewhere than their files say: under a floodlight of each type, tilted and turned,
-/// the floor has intensity by cosine and squared distance, and never more flux than the file.
+/// Catches luminaires whose light comes out elsewhere than their files say: under a floodlight of each type, tilted and
+/// turned, the floor has intensity by cosine and squared distance, and never more flux than the file.
 #[test]
 fn luminaires_light_as_their_files_say() {
     for name in ["type-a.ies", "type-b.ies", "type-c.ies", "isym2.ldt"] {

@@ -71,8 +71,8 @@ pub struct Web {
     by_horizontal: Axis,
 }
 
-/// A web with all that symmetry stands for written out: intensities by angles from a pole and about it, linear in between.
-/// The pole depends on the type, and so does where angles about it begin and where they lead:
+/// A web with all that symmetry stands for written out: intensities by angles from a pole and about it, linear in
+/// between. The pole depends on the type, and so does where angles about it begin and where they lead:
 ///
 /// | type | pole | 0 | 90 |
 /// |---|---|---|---|
@@ -89,8 +89,8 @@ pub struct Grid {
     pub candela: Vec<f64>,
 }
 
-/// Degrees beyond the edge of the light at which a [`Grid`] is dark: a millionth part of what is in the step before the edge
-/// is lost or gained there, at steps of a degree.
+/// Degrees beyond the edge of the light at which a [`Grid`] is dark: a millionth part of what is in the step before the
+/// edge is lost or gained there, at steps of a degree.
 const EDGE: f64 = 1e-6;
 
 /// A table as a file has it: ascending angles, one finite candela value >= 0 for each pair of them.
@@ -312,7 +312,8 @@ impl Web {
         }
     }
 
-    /// The whole sphere as one table: what [`Web::intensity`] tells, where the light has an edge to [`EDGE`] degrees.
+    /// The whole sphere as one table: what [`Web::intensity`] tells, at an edge of the light to a millionth of
+    /// a degree.
     #[must_use]
     pub fn grid(&self) -> Grid {
         let angles = |axis: &Axis| axis.knots().iter().map(|&(angle, _)| angle).collect::<Vec<_>>();

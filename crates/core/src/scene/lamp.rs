@@ -49,7 +49,8 @@ pub enum LampShape {
 pub struct Web {
     /// Angles from the pole, degrees, ascending, within 0 and 180; beyond them nothing is thrown.
     pub polar: Vec<f64>,
-    /// Angles about the pole, degrees, ascending from 0 to 360, first and last included. A single one: the same all around.
+    /// Angles about the pole, degrees, ascending from 0 to 360, first and last included. A single one: the same all
+    /// around.
     pub around: Vec<f64>,
     /// Candela or W/sr: for each angle about the pole one row of values by polar angle.
     pub intensity: Vec<f64>,

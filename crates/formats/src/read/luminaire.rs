@@ -1,15 +1,15 @@
-//! Luminaires as lamps: a photometric file that was read comes in, the distribution of a lamp without a surface goes out, and
-//! what is to be said of it; where it hangs is left to others.
+//! Luminaires as lamps: a photometric file that was read comes in, the distribution of a lamp without a surface goes
+//! out, and what is to be said of it; where it hangs is left to others.
 
 use super::issue;
 use isolux_core::scene::{Issue, IssueKind, Pole, Severity, Web};
 use isolux_core::units::Unit;
 use isolux_photometry::{Grid, Kind, Photometry};
 
-/// The distribution of a luminaire, in the frame of a lamp whose `forward` is the luminaire's -Z and whose `side` is its +X.
-/// Its +Y is `side × forward`, or the opposite of that where it is `mirrored`, as by a node whose transform has a negative
-/// determinant. The table is the file's with its symmetry written out, for each type of photometry about its own poles, so
-/// that intensities and flux are those of [`Photometry::intensity`] and [`Photometry::flux`].
+/// The distribution of a luminaire, in the frame of a lamp whose `forward` is the luminaire's -Z and whose `side` is
+/// its +X. Its +Y is `side × forward`, or the opposite of that where it is `mirrored`, as by a node whose transform has
+/// a negative determinant. The table is the file's with its symmetry written out, for each type of photometry about its
+/// own poles, so that intensities and flux are those of [`Photometry::intensity`] and [`Photometry::flux`].
 #[must_use]
 pub fn web(luminaire: &Photometry, mirrored: bool) -> Web {
     let Grid { mut polar, mut around, candela: mut intensity } = luminaire.web.grid();
@@ -59,8 +59,8 @@ mod tests {
         files
     }
 
-    /// Catches poles, signs, edges or mirror images that differ between a file and the lamp made of it, in direction or flux,
-    /// for every sound file there is: all types, symmetries and ranges.
+    /// Catches poles, signs, edges or mirror images that differ between a file and the lamp made of it, in direction or
+    /// flux, for every sound file there is: all types, symmetries and ranges.
     #[test]
     fn lamps_throw_what_files_say() {
         let (mut seen, mut kinds) = (0, [0; 3]);
@@ -91,7 +91,8 @@ mod tests {
                     let wanted = luminaire.intensity(own.to_array());
                     let found = lamp.share(direction);
                     lit += u32::from(wanted > 0.0);
-                    // Arcs of cosines are known to 1e-8 next to a pole, where intensity may change by its peak in a degree.
+                    // Arcs of cosines are known to 1e-8 next to a pole, where intensity may change by its peak in a
+                    // degree.
                     assert!((found - wanted).abs() <= 1e-6 * most, "{} {direction}: {found} {wanted}", luminaire.file);
                 }
                 assert!(lit > 20, "{}: {lit}", luminaire.file);

@@ -1,9 +1,10 @@
-//! Faces whose emission varies: triangles with an emissive texture come in, how finely they are cut goes out, and the parts
-//! with what their texture averages to; each part becomes a face of its own, so that a screen lights the room as its picture
-//! says, not as its mean.
+//! Faces whose emission varies: triangles with an emissive texture come in, how finely they are cut goes out, and the
+//! parts with what their texture averages to; each part becomes a face of its own, so that a screen lights the room as
+//! its picture says, not as its mean.
 //!
-//! A triangle is cut by lines parallel to its sides at equal steps. All triangles of a primitive are cut alike, so that corners
-//! of parts meet along the sides that they share. Two parts that make a parallelogram are a cell, and become one polygon.
+//! A triangle is cut by lines parallel to its sides at equal steps. All triangles of a primitive are cut alike, so that
+//! corners of parts meet along the sides that they share. Two parts that make a parallelogram are a cell, and become
+//! one polygon.
 
 use super::mesh::Piece;
 use crate::read::look::Loaded;
@@ -11,9 +12,9 @@ use glam::{DVec2, DVec3};
 use isolux_core::scene::Surface;
 use isolux_core::units::Rgb;
 
-/// Emission that varies by at most this within the parts of a primitive, on average and relative to its mean, is left as it is:
-/// the mean over bands of the difference between what a cell emits and what quarters of its parts do. 5 % is what `isolux solve` asks for where
-/// nothing else is said, and places that see all of the primitive are off by less.
+/// Emission that varies by at most this within the parts of a primitive, on average and relative to its mean, is left
+/// as it is: the mean over bands of the difference between what a cell emits and what quarters of its parts do. 5 % is
+/// what `isolux solve` asks for where nothing else is said.
 const EVEN: f64 = 0.05;
 
 /// Most steps along a side: 16, 512 parts of a square of two triangles.
@@ -22,9 +23,9 @@ const MOST_STEPS: usize = 16;
 /// Most faces that cutting may make in one file, all instances counted.
 pub(super) const MOST_PARTS: usize = 1 << 12;
 
-/// The parts of a triangle that is cut into `steps` along each side, by the barycentric coordinates of their corners; in cells of
-/// two that make a parallelogram, with the side between them parallel to that from the second to the third corner, and of one
-/// along that side. `Scene::build` joins those of two.
+/// The parts of a triangle that is cut into `steps` along each side, by the barycentric coordinates of their corners;
+/// in cells of two that make a parallelogram, with the side between them parallel to that from the second to the third
+/// corner, and of one along that side. `Scene::build` joins those of two.
 fn cells(steps: usize) -> Vec<Vec<[DVec3; 3]>> {
     let at = |i: usize, j: usize| DVec3::new((steps - i - j) as f64, i as f64, j as f64) / steps as f64;
     let mut cells = Vec::new();
@@ -40,8 +41,8 @@ fn cells(steps: usize) -> Vec<Vec<[DVec3; 3]>> {
     cells
 }
 
-/// How a triangle's corners are counted so that its longest side is from the second to the third: the number of the first. Cells
-/// of a right triangle are then rectangles, as the texels of most pictures that are shown.
+/// How a triangle's corners are counted so that its longest side is from the second to the third: the number of the
+/// first. Cells of a right triangle are then rectangles, as the texels of most pictures that are shown.
 fn first_corner(piece: &Piece<'_>, triangle: [u32; 3]) -> usize {
     let corners = triangle.map(|corner| piece.position(corner));
     let opposite = |corner: usize| (corners[(corner + 1) % 3] - corners[(corner + 2) % 3]).length_squared();

@@ -1,5 +1,5 @@
-//! Light profiles of `EXT_lights_ies`: what a node says of one becomes a lamp with a measured distribution; each file is
-//! read once, and only if a node names it.
+//! Light profiles of `EXT_lights_ies`: what a node says of one becomes a lamp with a measured distribution; each file
+//! is read once, and only if a node names it.
 
 use super::container::Document;
 use super::nodes::{self, Place};
@@ -15,8 +15,8 @@ use std::rc::Rc;
 /// Name of the extension.
 pub(super) const NAME: &str = "EXT_lights_ies";
 
-/// Most values that the tables of all lamps may hold, 128 MiB: four hundred luminaires with an angle for every degree of half a
-/// sphere. A few kilobytes of nodes that all name one profile can ask for any number.
+/// Most values that the tables of all lamps may hold, 128 MiB: five hundred luminaires with an angle for every degree
+/// of half a sphere. A few kilobytes of nodes that all name one profile can ask for any number.
 const MAX_VALUES: usize = 1 << 24;
 
 /// The profiles of a file, as far as they were read, and how much the lamps made of them hold.
