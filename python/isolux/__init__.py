@@ -16,6 +16,7 @@ from isolux.scene import Lamp, Light, LightGroup, Material, Scene, load
 from isolux.settings import Settings
 from isolux.solution import Solution, solve
 from isolux.solution import open_solution as open  # noqa: A004
+from isolux.sun import SunPosition, sun_position
 
 __all__ = [
     "Cancelled",
@@ -35,6 +36,7 @@ __all__ = [
     "Settings",
     "Solution",
     "Surface",
+    "SunPosition",
     "__version__",
     "exceptions",
     "load",
@@ -42,4 +44,5 @@ __all__ = [
     "open",
     "read_photometry",
     "solve",
+    "sun_position",
 ]

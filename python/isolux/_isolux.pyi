@@ -28,8 +28,8 @@ __all__ = [
 
 _Bands: TypeAlias = tuple[float, float, float]
 _MaterialTuple: TypeAlias = tuple[str, _Bands, _Bands, bool, float]
-#: Name, kind, place, direction, intensity, angles of a cone.
-_LampTuple: TypeAlias = tuple[str, str, _Bands, _Bands, _Bands, tuple[float, float]]
+#: Name, kind, place, direction, side, intensity, angles of a cone.
+_LampTuple: TypeAlias = tuple[str, str, _Bands, _Bands, _Bands, _Bands, tuple[float, float]]
 _IssueTuple: TypeAlias = tuple[Literal["note", "warning"], str, str, str]
 _Arrays: TypeAlias = dict[str, NDArray[Any]]
 
@@ -78,7 +78,12 @@ class Photometry:
 class Scene:
     @staticmethod
     def load(
-        path: Path, metres_per_unit: float | None, emission_scale: float, unit: str, light_units: str
+        path: Path,
+        metres_per_unit: float | None,
+        emission_scale: float,
+        unit: str,
+        light_units: str,
+        lamps: list[tuple[_LampTuple, Photometry | None]],
     ) -> Scene: ...
     @staticmethod
     def from_arrays(
@@ -91,7 +96,7 @@ class Scene:
         face_objects: NDArray[np.int64],
         metres_per_unit: float,
         unit: str,
-        lamps: list[_LampTuple],
+        lamps: list[tuple[_LampTuple, Photometry | None]],
     ) -> Scene: ...
     def check(self) -> None: ...
     @property

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, cast
@@ -12,10 +13,12 @@ import numpy as np
 from isolux import _isolux
 from isolux._arrays import floats, integers
 from isolux.exceptions import ReadError
-from isolux.photometry import PHOTOMETRIC_SUFFIXES
+from isolux.photometry import PHOTOMETRIC_SUFFIXES, Photometry, read_photometry
 from isolux.report import Bands, Issue, Unit
+from isolux.sun import clear_sun, sun_direction, sun_position
 
 if TYPE_CHECKING:
+    import datetime
     from collections.abc import Mapping, Sequence
 
     from numpy.typing import ArrayLike, NDArray
@@ -24,6 +27,8 @@ __all__ = ["Lamp", "Light", "LightGroup", "LightUnits", "Material", "Polygons", 
 
 #: What intensities of lamps without a surface mean in a file, see `load`.
 LightUnits: TypeAlias = Literal["spec", "unitless", "blender"]
+
+_Vector: TypeAlias = tuple[float, float, float]
 
 #: What the extension reads itself; other suffixes are left to trimesh.
 OWN_SUFFIXES = (".glb", ".gltf", ".obj")
@@ -91,19 +96,20 @@ class Light:
 
 @dataclasses.dataclass(frozen=True)
 class Lamp:
-    """A lamp without a surface, which no ray can meet: a point, a spot, or parallel light.
+    """A lamp without a surface, which no ray can meet: a point, a spot, parallel light, or a luminaire.
 
     Parameters
     ----------
     name
         Unique among the lamps of a scene; the name of its light group, too.
     kind
-        ``"point"``, ``"spot"`` (a cone) or ``"sun"`` (parallel light from far away). Scenes that were read
-        may have ``"web"``, too: a measured distribution.
+        ``"point"``, ``"spot"`` (a cone), ``"sun"`` (parallel light from far away) or ``"web"`` (a measured
+        distribution, see `Lamp.from_file`).
     position
         Where it is, in the scene's unit; a sun has no place.
     direction
-        Along which it shines, of any length; a point shines everywhere.
+        Along which it shines, of any length; a point shines everywhere. Of a luminaire where it points: along
+        the -Z of its frame, see `Photometry`.
     intensity
         Of points and spots cd or W/sr, of suns what falls on a surface that faces them, lm/m² (lux) or W/m²;
         of a measured distribution a factor. One number or linear RGB.
@@ -112,6 +118,11 @@ class Lamp:
     power
         Power per band in the scene's unit, W or lm; None for suns, which have no end. Not asked for where a
         scene is made.
+    side
+        How a luminaire is turned about `direction`: where the +X of its frame points, the plane of horizontal
+        angle 0 (C0). Only the part across `direction` counts.
+    photometry
+        The luminaire of kind ``"web"``. None where a scene tells its lamps.
     """
 
     name: str
@@ -122,6 +133,110 @@ class Lamp:
     inner_angle: float = 0.0
     outer_angle: float = 45.0
     power: Bands | None = None
+    side: Sequence[float] = (1.0, 0.0, 0.0)
+    photometry: Photometry | None = None
+
+    @classmethod
+    def from_file(
+        cls,
+        path: str | os.PathLike[str],
+        position: Sequence[float],
+        *,
+        name: str | None = None,
+        rotation: float = 0.0,
+        tilt: float = 0.0,
+        flux: float | None = None,
+        intensity: float | Sequence[float] = 1.0,
+    ) -> Lamp:
+        """Hang a luminaire of a photometric file.
+
+        With `rotation` and `tilt` 0 it points straight down (+Y is up), and its plane of horizontal angle 0
+        (C0) lies along +X, that of 90 along -Z: counter-clockwise, seen from above with -Z upwards on paper.
+
+        Parameters
+        ----------
+        path
+            IES LM-63 (``.ies``) or EULUMDAT (``.ldt``).
+        position
+            Of its photometric centre, in the scene's unit.
+        name
+            Name of the lamp and of its light group; None stands for the file's name without its ending.
+        rotation
+            About the vertical, degrees counter-clockwise seen from above; it comes after `tilt`.
+        tilt
+            By which it points away from straight down, towards its plane C0, degrees: 90 is level, 180 up.
+        flux
+            Of the luminaire, lm; None stands for what its file says, integrated.
+        intensity
+            Factor by which it is dimmed or coloured, one number or linear RGB.
+
+        Raises
+        ------
+        PhotometryError
+            Where the file is missing or cannot be understood, or has no light to give a flux to.
+        """
+        luminaire = read_photometry(path)
+        if flux is not None:
+            luminaire = luminaire.with_flux(flux)
+        turn, tip = math.radians(rotation), math.radians(tilt)
+        # Where C0 points in the plan; y is up.
+        east, south = math.cos(turn), -math.sin(turn)
+        down, out = math.cos(tip), math.sin(tip)
+        return cls(
+            name=Path(path).stem if name is None else name,
+            kind="web",
+            position=position,
+            direction=(out * east, -down, out * south),
+            intensity=intensity,
+            side=(down * east, out, down * south),
+            photometry=luminaire,
+        )
+
+    @classmethod
+    def sun(
+        cls,
+        latitude: float,
+        longitude: float,
+        time: datetime.datetime,
+        *,
+        illuminance: float | Sequence[float] | None = None,
+        north: float = 0.0,
+        name: str = "sun",
+    ) -> Lamp:
+        """Make the sun of a place and time, as parallel light.
+
+        Parameters
+        ----------
+        latitude, longitude
+            Degrees, north and east positive.
+        time
+            With its time zone.
+        illuminance
+            Of a surface that faces the sun, lm/m² or W/m², one number or linear RGB; None stands for the
+            lm/m² of a clear sky, see `isolux.sun.clear_sun`.
+        north
+            Where north is: 0 along -Z (and east along +X), else so many degrees counter-clockwise from there,
+            seen from above.
+        name
+            Name of the lamp and of its light group.
+
+        Raises
+        ------
+        ValueError
+            Where there is no such place, the time has no zone, or the sun is below the horizon then.
+        """
+        position = sun_position(latitude, longitude, time)
+        if position.elevation <= 0.0:
+            raise ValueError(
+                f"the sun is {-position.elevation:.1f} degrees below the horizon at {latitude},{longitude}, "
+                f"{time.isoformat()}"
+            )
+        return cls(
+            name=name,
+            kind="sun",
+            direction=sun_direction(position, north),
+            intensity=clear_sun(position, time) if illuminance is None else illuminance,
+        )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -340,8 +455,8 @@ class Scene:
     def lamps(self) -> list[Lamp]:
         """Lamps without a surface, in file order, with their power; metres."""
         return [
-            Lamp(name, cast("Any", kind), position, direction, intensity, inner, outer, power)
-            for (name, kind, position, direction, intensity, (inner, outer)), power in self._inner.lamps
+            Lamp(name, cast("Any", kind), position, direction, intensity, inner, outer, power, side)
+            for (name, kind, position, direction, side, intensity, (inner, outer)), power in self._inner.lamps
         ]
 
     @property
@@ -416,6 +531,7 @@ def load(
     emission_scale: float = 1.0,
     unit: Unit = "lm",
     light_units: LightUnits = "spec",
+    lamps: Sequence[Lamp] = (),
 ) -> Scene:
     """Read a scene from a file.
 
@@ -436,6 +552,8 @@ def load(
         What the intensities of `KHR_lights_punctual` mean, as Blender's exporter offers them: ``"spec"``,
         candela and lux; ``"unitless"``, W/sr and W/m², times 683 lm/W; ``"blender"``, watts of all
         directions and W/m², times 683 lm/W (by 4 pi for points and spots).
+    lamps
+        Lamps without a surface that are added to those of the file; places in metres.
 
     Raises
     ------
@@ -454,11 +572,18 @@ def load(
         raise ReadError(f"{path}: this is a luminaire, not a scene; isolux.read_photometry reads it")
     if suffix in OWN_SUFFIXES or not path.is_file():
         return Scene._wrap(
-            _isolux.Scene.load(path, metres_per_unit, float(emission_scale), str(unit), str(light_units))
+            _isolux.Scene.load(
+                path,
+                metres_per_unit,
+                float(emission_scale),
+                str(unit),
+                str(light_units),
+                [_lamp(entry, row) for row, entry in enumerate(lamps)],
+            )
         )
     from isolux.io import other_meshes  # noqa: PLC0415
 
-    return other_meshes.load(path, 1.0 if metres_per_unit is None else metres_per_unit, unit)
+    return other_meshes.load(path, 1.0 if metres_per_unit is None else metres_per_unit, unit, lamps)
 
 
 def _material(entry: Material | Mapping[str, Any], row: int) -> tuple[str, Bands, Bands, bool, float]:
@@ -481,7 +606,7 @@ def _material(entry: Material | Mapping[str, Any], row: int) -> tuple[str, Bands
 
 def _lamp(
     entry: Lamp, row: int
-) -> tuple[str, str, tuple[float, float, float], tuple[float, float, float], Bands, tuple[float, float]]:
+) -> tuple[tuple[str, str, _Vector, _Vector, _Vector, Bands, tuple[float, float]], _isolux.Photometry | None]:
     """As the extension takes it."""
     if not isinstance(entry, Lamp):
         raise TypeError(f"lamps[{row}] is a {type(entry).__name__}: expected isolux.Lamp")
@@ -490,9 +615,10 @@ def _lamp(
         str(entry.kind),
         _vector(f"lamps[{row}].position", entry.position),
         _vector(f"lamps[{row}].direction", entry.direction),
+        _vector(f"lamps[{row}].side", entry.side),
         _bands(f"lamps[{row}].intensity", entry.intensity),
         (float(entry.inner_angle), float(entry.outer_angle)),
-    )
+    ), None if entry.photometry is None else entry.photometry._inner
 
 
 def _vector(name: str, value: Sequence[float]) -> tuple[float, float, float]:

@@ -348,8 +348,9 @@ def surfaces() -> None:
         document.glb(),
         "ok",
         "An embedded picture: the half x < 0.5 red, the other blue; a sign of which the half x > 0.5 emits. "
-        "sRGB codes are made linear before the mean.",
-        polygons=3,
+        "sRGB codes are made linear before the mean. The sign is cut into four parts a triangle, each in one "
+        "half; two of them make a quadrilateral.",
+        polygons=8,
         mean_reflectance={
             "panel": [(linear(a) + linear(b)) / 2 for a, b in zip(left[:3], right[:3], strict=True)]
         },

@@ -155,6 +155,59 @@ def test_lamps_are_told_with_their_power(isolux_command, tmp_path):
     assert "lamp 'bulb' has no surface" in refused.stderr
 
 
+def test_luminaires_are_hung_and_told_with_their_lumens(isolux_command, tmp_path):
+    """Catches --lamp that hangs nothing, or something else, and lumens that are kept back."""
+    lamps = (
+        "--lamp",
+        f"{ROOT}/scenes/downlight.ies@5,2.7,3",
+        "--lamp",
+        f"{ROOT}/scenes/wall-washer.ies@3,2.7,2,90,30",
+    )
+    office, out = ROOT / "scenes" / "office.glb", tmp_path / "office.isolux"
+    solved = isolux_command("solve", office, *lamps, "-o", out, "--error", "0.5")
+    assert solved.returncode == 0, solved.stderr
+    told = re.search(r"lamps: 7, ([\d.]+) lm in all", solved.stderr)
+    assert float(told[1]) == pytest.approx(13_000, rel=1e-3)
+    values = json.loads(isolux_command("inspect", office, *lamps, "--json", "-").stdout)
+    (down, wash) = values["lamps"][5:]
+    assert (down["name"], down["position"], down["direction"]) == ("downlight", [5, 2.7, 3], [0, -1, 0])
+    assert wash["direction"] == pytest.approx([0, -np.cos(np.pi / 6), -0.5], abs=1e-12)
+    relit = tmp_path / "relit.isolux"
+    checked = ("relight", out, "--scene", office, "--set", "downlight=0", "-o", relit)
+    assert isolux_command(*checked, *lamps).returncode == 0
+    # Without the lamps it is another scene.
+    assert isolux_command(*checked).returncode == 3
+
+
+def test_luminaires_that_cannot_be_hung_are_one_line(isolux_command, tmp_path):
+    """Catches a place that is none, another exit code, and errors without file, line or lamp."""
+    office, out = ROOT / "scenes" / "office.glb", tmp_path / "never.isolux"
+    downlight = ROOT / "scenes" / "downlight.ies"
+    for wrong in (
+        "downlight.ies",
+        "a.ies@1,2",
+        "a.ies@1,2,x",
+        "a.ies@1,2,3,4,5,6",
+        "@1,2,3",
+        "a.ies@1,2,nan",
+    ):
+        refused = isolux_command("solve", office, "--lamp", wrong, "-o", out)
+        assert refused.returncode == 2
+        assert "is not FILE@X,Y,Z[,ROTATION[,TILT]]" in one_line(refused)
+    missing = isolux_command("solve", office, "--lamp", "gone.ies@1,2,3", "-o", out)
+    assert (missing.returncode, "gone.ies: cannot be read: no such file" in one_line(missing)) == (3, True)
+    assert isolux_command("inspect", downlight, "--lamp", f"{downlight}@1,2,3").returncode == 2
+    broken = tmp_path / "broken.glb"
+    broken.write_bytes(office.read_bytes().replace(b"\n1 1 20\n", b"\n1 x 20\n", 1))
+    refused = isolux_command("solve", broken, "-o", out)
+    assert refused.returncode == 3
+    assert re.search(
+        r"broken\.glb: lamp 'downlight 1': light profile 'downlight': line 7: expected .*'x'",
+        one_line(refused),
+    )
+    assert not out.exists()
+
+
 def test_faults_of_geometry_are_told_by_object(isolux_command, tmp_path):
     """Catches a fault that inspect or solve keeps to itself, in words or as JSON, or without its object."""
     inputs = Path(__file__).parents[2] / "scenes" / "test-inputs"

@@ -108,6 +108,7 @@ EXPECTED = {
         "room.glb: object 'lamp': face 3: vertex 9 is out of range (there are 4)",
     ),
     "ReadError::Reference": ("ReadError", "room.glb: node 'lamp' names mesh 9, but there are 4"),
+    "ReadError::Lamp": ("ReadError", "room.glb: lamp 'spot': a.ies: line 4: expected x"),
     "ReadError::Syntax": ("ReadError", "room.glb: line 12: no number"),
     "ReadError::TooLarge": (
         "ReadError",

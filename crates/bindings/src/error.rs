@@ -179,6 +179,7 @@ impl PythonError for FormatsReadError {
             | FormatsReadError::Accessor { .. }
             | FormatsReadError::Index { .. }
             | FormatsReadError::Reference { .. }
+            | FormatsReadError::Lamp { .. }
             | FormatsReadError::Syntax { .. }
             | FormatsReadError::TooLarge { .. } => ReadError::new_err(message),
         }
@@ -365,6 +366,11 @@ pub(crate) fn error_samples(py: Python<'_>) -> PyResult<Bound<'_, PyList>> {
         (
             "ReadError::Reference",
             FormatsReadError::Reference { file: file(), owner: "node 'lamp'".into(), what: "mesh", index: 9, count: 4 }
+                .exception(),
+        ),
+        (
+            "ReadError::Lamp",
+            FormatsReadError::Lamp { file: file(), lamp: "spot".into(), reason: "a.ies: line 4: expected x".into() }
                 .exception(),
         ),
         (

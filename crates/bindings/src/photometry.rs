@@ -29,6 +29,11 @@ impl Photometry {
             candela: PyOnceLock::new(),
         }
     }
+
+    /// What lamps are made of.
+    pub(crate) fn luminaire(&self) -> &Inner {
+        &self.inner
+    }
 }
 
 /// Count, name, lumens, watts, colour, rendering.

@@ -2,13 +2,16 @@
 
 use crate::array::{entries, read_only, rows, same_length};
 use crate::error::{SceneError, internal, to_python};
+use crate::photometry::Photometry;
 use crate::waiting::interruptible;
 use isolux::core::DVec3;
 use isolux::core::scene::{
     Alpha, BuildOptions, Face, Issue, Lamp, LampShape, Material, Object, Scene as CoreScene, SceneInput, Surface,
 };
 use isolux::core::units::{Rgb, Unit};
+use isolux::formats::read::luminaire::{issues, web};
 use isolux::formats::read::{LightUnits, ReadOptions, read};
+use isolux::photometry::Photometry as Luminaire;
 use numpy::PyReadonlyArrayDyn;
 use numpy::prelude::*;
 use pyo3::exceptions::PyValueError;
@@ -41,8 +44,11 @@ impl Scene {
 /// Name, reflectance, emission, two-sided, opacity.
 type MaterialTuple = (String, Triple, Triple, bool, f64);
 
-/// Name, kind, place, direction, intensity per band, inner and outer angle of a cone in degrees.
-type LampTuple = (String, String, Triple, Triple, Triple, (f64, f64));
+/// Name, kind, place, direction, side, intensity per band, inner and outer angle of a cone in degrees.
+type LampTuple = (String, String, Triple, Triple, Triple, Triple, (f64, f64));
+
+/// A lamp, and of kind "web" its luminaire.
+type LampEntry<'py> = (LampTuple, Option<PyRef<'py, Photometry>>);
 
 /// Name, polygons, area in m², power per band, lamps.
 type GroupTuple = (String, u64, f64, Triple, u64);
@@ -55,7 +61,8 @@ type Triple = (f64, f64, f64);
 
 #[pymethods]
 impl Scene {
-    /// A scene from a file: glTF or OBJ. `unit` is "lm" or "W"; `light_units` is "spec", "unitless" or "blender".
+    /// A scene from a file: glTF or OBJ. `unit` is "lm" or "W"; `light_units` is "spec", "unitless" or "blender";
+    /// `lamps` come after those of the file, in metres.
     #[staticmethod]
     fn load(
         py: Python<'_>,
@@ -64,13 +71,16 @@ impl Scene {
         emission_scale: f64,
         unit: &str,
         light_units: &str,
+        lamps: Vec<LampEntry<'_>>,
     ) -> PyResult<Scene> {
         let light_units = LightUnits::from_name(light_units).ok_or_else(|| {
             PyValueError::new_err(format!("light_units is '{light_units}': expected 'spec', 'unitless' or 'blender'"))
         })?;
         let options = ReadOptions { metres_per_unit, emission_scale, light_units, unit: unit_of(unit)? };
         let file = path.clone();
-        let input = interruptible(py, move || read(&file, &options))?.map_err(to_python)?;
+        let mut input = interruptible(py, move || read(&file, &options))?.map_err(to_python)?;
+        let metres = input.metres_per_unit.recip();
+        hang(&mut input, lamps, metres)?;
         let scene = interruptible(py, || CoreScene::build(input, &BuildOptions::default()))?
             .map_err(|error| SceneError::new_err(format!("{}: {error}", path.display())))?;
         Ok(Scene::new(Arc::new(scene)))
@@ -91,7 +101,7 @@ impl Scene {
         face_objects: PyReadonlyArrayDyn<'_, i64>,
         metres_per_unit: f64,
         unit: &str,
-        lamps: Vec<LampTuple>,
+        lamps: Vec<LampEntry<'_>>,
     ) -> PyResult<Scene> {
         let vertices: Vec<DVec3> = rows::<f64, 3>("vertices", &vertices)?.into_iter().map(DVec3::from_array).collect();
         let faces: Vec<Vec<i64>> = match faces.shape() {
@@ -123,7 +133,7 @@ impl Scene {
             let corners = corners.iter().map(corner).collect::<PyResult<Vec<DVec3>>>()?;
             input.faces.push(Face { object, material, corners, uv: None, surface: None });
         }
-        input.lamps = lamps.into_iter().map(lamp_of).collect::<PyResult<Vec<Lamp>>>()?;
+        hang(&mut input, lamps, 1.0)?;
         input.objects = names.into_iter().map(|name| Object { name }).collect();
         input.materials = materials
             .into_iter()
@@ -251,9 +261,9 @@ impl Scene {
                 LampShape::Parallel => ("sun", (0.0, 0.0)),
                 LampShape::Web(_) => ("web", (0.0, 0.0)),
             };
-            let (position, direction) = (lamp.position.into(), lamp.forward.into());
+            let (position, direction, side) = (lamp.position.into(), lamp.forward.into(), lamp.side.into());
             let power = lamp.power().map(|power| power.0.into());
-            ((lamp.name.clone(), kind.to_owned(), position, direction, lamp.intensity.0.into(), angles), power)
+            ((lamp.name.clone(), kind.to_owned(), position, direction, side, lamp.intensity.0.into(), angles), power)
         };
         self.inner.lamps.iter().map(tuple).collect()
     }
@@ -316,20 +326,41 @@ impl Scene {
     }
 }
 
+/// Adds lamps that Python describes, and what is to be said of their luminaires; `scale` is on their places.
+fn hang(input: &mut SceneInput, lamps: Vec<LampEntry<'_>>, scale: f64) -> PyResult<()> {
+    for (tuple, luminaire) in lamps {
+        let luminaire = luminaire.as_ref().map(|luminaire| luminaire.luminaire());
+        let lamp = lamp_of(tuple, luminaire, scale)?;
+        input.issues.extend(luminaire.iter().flat_map(|&luminaire| issues(luminaire, &lamp.name, input.unit)));
+        input.lamps.push(lamp);
+    }
+    Ok(())
+}
+
 /// A lamp as Python describes it.
-fn lamp_of((name, kind, position, direction, intensity, (inner, outer)): LampTuple) -> PyResult<Lamp> {
-    let shape = match kind.as_str() {
-        "point" => LampShape::Point,
-        "spot" => LampShape::Spot { inner: inner.to_radians(), outer: outer.to_radians() },
-        "sun" => LampShape::Parallel,
-        _ => {
-            let message = format!("lamp '{name}': kind is '{kind}': expected 'point', 'spot' or 'sun'");
-            return Err(PyValueError::new_err(message));
+fn lamp_of(
+    (name, kind, position, direction, side, intensity, (inner, outer)): LampTuple,
+    luminaire: Option<&Luminaire>,
+    scale: f64,
+) -> PyResult<Lamp> {
+    let wrong = |what: &str| PyValueError::new_err(format!("lamp '{name}': {what}"));
+    let shape = match (kind.as_str(), luminaire) {
+        ("web", Some(luminaire)) => LampShape::Web(web(luminaire, false)),
+        ("web", None) => return Err(wrong("kind is 'web': it needs a photometry, see isolux.Lamp.from_file")),
+        ("point" | "spot" | "sun", Some(_)) => {
+            return Err(wrong(&format!("kind is '{kind}': only kind 'web' takes a photometry")));
         }
+        ("point", None) => LampShape::Point,
+        ("spot", None) => LampShape::Spot { inner: inner.to_radians(), outer: outer.to_radians() },
+        ("sun", None) => LampShape::Parallel,
+        _ => return Err(wrong(&format!("kind is '{kind}': expected 'point', 'spot', 'sun' or 'web'"))),
     };
-    let (position, forward) = (DVec3::from(position), DVec3::from(direction));
-    // Nothing of these depends on how they are turned about their axis.
-    let side = forward.try_normalize().map_or(DVec3::X, |forward| forward.any_orthonormal_vector());
+    let (position, forward) = (DVec3::from(position) * scale, DVec3::from(direction));
+    let side = match luminaire {
+        Some(_) => DVec3::from(side),
+        // Nothing of the others depends on how they are turned about their axis.
+        None => forward.try_normalize().map_or(DVec3::X, |forward| forward.any_orthonormal_vector()),
+    };
     Ok(Lamp { name, position, forward, side, intensity: Rgb(intensity.into()), shape })
 }
 

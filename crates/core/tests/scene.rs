@@ -6,7 +6,7 @@ mod inputs;
 
 use inputs::{Make, built, empty, grey, plain, v, with_uv};
 use isolux_core::scene::{
-    Alpha, AlphaMask, BuildOptions, Camera, Corners, Image, Issue, IssueKind, Lamp, LampShape, Material, Object,
+    Alpha, AlphaMask, BuildOptions, Camera, Corners, Image, Issue, IssueKind, Lamp, LampShape, Material, Object, Pole,
     Projection, Scene, SceneError, SceneInput, Severity, Side, Surface, Texture, Web, Wrap,
 };
 use isolux_core::units::{Rgb, Unit};
@@ -499,6 +499,10 @@ fn lamps_are_admitted() {
     let other = built(with_lamps(vec![lamp("bulb", LampShape::Point)]));
     assert_ne!(scene.hash, other.hash);
     assert_ne!(other.hash, built(with_lamps(vec![])).hash);
+    let web = |pole| Web { polar: vec![0.0, 90.0], around: vec![0.0], intensity: vec![1.0, 0.0], pole };
+    let hashes = [Pole::Forward, Pole::Across, Pole::Aside]
+        .map(|pole| built(with_lamps(vec![lamp("bulb", LampShape::Web(web(pole)))])).hash);
+    assert!(hashes[0] != hashes[1] && hashes[0] != hashes[2] && hashes[1] != hashes[2]);
 }
 
 /// Catches lamps that would make the light not a number, or that throw nothing and are dropped in silence.
@@ -518,7 +522,12 @@ fn lamps_that_make_no_sense_are_refused_or_said() {
         assert!(refused(&|odd| odd.shape = LampShape::Spot { inner, outer }).contains("cone"));
     }
     let web = |polar: &[f64], around: &[f64], intensity: &[f64]| {
-        LampShape::Web(Web { polar: polar.into(), around: around.into(), intensity: intensity.into() })
+        LampShape::Web(Web {
+            polar: polar.into(),
+            around: around.into(),
+            intensity: intensity.into(),
+            pole: Pole::Forward,
+        })
     };
     for table in [
         web(&[0.0], &[0.0], &[1.0]),
@@ -531,8 +540,10 @@ fn lamps_that_make_no_sense_are_refused_or_said() {
         assert!(refused(&|odd| odd.shape = table.clone()).contains("table"), "{table:?}");
     }
     let dark = Lamp { intensity: Rgb([0.0, -1.0, 0.0]), ..lamp("dark", LampShape::Point) };
-    let scene = built(with_lamps(vec![dark]));
+    let burnt_out = lamp("burnt out", web(&[0.0, 90.0], &[0.0], &[0.0, 0.0]));
+    let scene = built(with_lamps(vec![dark, burnt_out]));
     assert!(scene.lamps.is_empty());
+    assert!(issues_of(&scene, IssueKind::Ignored).iter().any(|issue| issue.object == "burnt out"));
     let said = |kind| issues_of(&scene, kind).iter().any(|issue| issue.object == "dark");
     assert!(said(IssueKind::Ignored) && said(IssueKind::NegativeValue));
     assert_eq!(issues_of(&scene, IssueKind::NoLight).len(), 1);

@@ -427,6 +427,98 @@ fn cameras_are_read_and_what_is_not_read_is_said() {
 
 // ---------------------------------------------------------------------------------------------------- materials
 
+/// A picture of 8 x 8 texels, all different, on a screen of 1 x 2 that two triangles make; and what its emissive
+/// strength is.
+fn with_screen(size: u32, nodes: usize) -> (Glb, RgbaImage) {
+    let picture = RgbaImage::from_fn(size, size, |x, y| Rgba([(x * 29) as u8, (y * 31) as u8, (x * y * 5) as u8, 255]));
+    let mut glb = Glb::new();
+    let position = glb.floats("VEC3", &[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 2.0, 0.0, 0.0, 2.0, 0.0]);
+    let uv = glb.floats("VEC2", &[0.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0]);
+    let indices = glb.indices_u16(&[0, 1, 2, 0, 2, 3]);
+    let texture = glb.texture(&picture, json!({"magFilter": 9728}));
+    glb.push(
+        "materials",
+        json!({"name": "screen", "emissiveFactor": [1, 0.5, 0.25], "emissiveTexture": {"index": texture},
+            "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 40}}}),
+    );
+    let primitive = json!({"attributes": {"POSITION": position, "TEXCOORD_0": uv}, "indices": indices, "material": 0});
+    glb.push("meshes", json!({"primitives": [primitive]}));
+    let roots: Vec<usize> = (0..nodes).map(|_| glb.push("nodes", json!({"name": "tv", "mesh": 0}))).collect();
+    glb.json["scenes"][0]["nodes"] = json!(roots);
+    (glb, picture)
+}
+
+/// What the texels that a face covers emit, per m², by a sum over points of it.
+fn emitted(face: &Face, picture: &RgbaImage) -> [f64; 3] {
+    let steps = 96;
+    let [a, b, c] = face.corners[..] else { panic!("{face:?}") };
+    let mut sum = [0.0; 3];
+    for i in 0..steps {
+        for j in 0..steps - i {
+            let (s, t) = ((f64::from(i) + 1.0 / 3.0) / f64::from(steps), (f64::from(j) + 1.0 / 3.0) / f64::from(steps));
+            let at = a + (b - a) * s + (c - a) * t;
+            let texel = |share: f64| ((share * f64::from(picture.width())) as u32).min(picture.width() - 1);
+            let pixel = picture.get_pixel(texel(at.x), texel(1.0 - at.y / 2.0));
+            for (band, factor) in [1.0, 0.5, 0.25].into_iter().enumerate() {
+                sum[band] += PI * 40.0 * factor * linear(pixel[band]) * 2.0 / f64::from(steps * (steps + 1));
+            }
+        }
+    }
+    sum
+}
+
+/// Catches a screen that lights like its mean: parts have to emit what their texels do, in linear light, leave no gap,
+/// and all of it has to stay what the texture gives; a texture that is even to a part is left whole.
+#[test]
+fn screens_emit_what_their_pictures_show() {
+    let (glb, picture) = with_screen(8, 1);
+    let scene = glb.scene();
+    // 8 steps: each part lies in one texel.
+    assert_eq!(scene.faces.len(), 2 * 8 * 8);
+    find(&scene, IssueKind::Assumed, "tv", "2 triangles are cut into 128 faces");
+    let area =
+        |face: &Face| (face.corners[1] - face.corners[0]).cross(face.corners[2] - face.corners[0]).length() / 2.0;
+    assert!((scene.faces.iter().map(area).sum::<f64>() - 2.0).abs() < 1e-12);
+    let mut totals = [0.0; 3];
+    for face in &scene.faces {
+        assert!(normal(face).z > 0.0);
+        let (found, wanted) = (face.surface.unwrap().emission, emitted(face, &picture));
+        // Points of a sum over 96 steps; of the strongest texel.
+        close(found, wanted, 0.02 * PI * 40.0);
+        (0..3).for_each(|band| totals[band] += area(face) * found[band]);
+    }
+    let texels = f64::from(picture.width() * picture.height());
+    for (band, factor) in [1.0, 0.5, 0.25].into_iter().enumerate() {
+        let mean = picture.pixels().map(|pixel| linear(pixel[band])).sum::<f64>() / texels;
+        // Two-point Gauss along 45 degrees through texels.
+        assert!((totals[band] / (2.0 * PI * 40.0 * factor * mean) - 1.0).abs() < 1e-3, "{totals:?}");
+    }
+    let built = Scene::build(scene, &BuildOptions::default()).unwrap();
+    assert_eq!(built.fronts, 2 * (28 + 8));
+    // Joined parts stay within a texel.
+    for polygon in &built.polygons {
+        let at = polygon.corners.mean();
+        let pixel = picture.get_pixel((at.x * 8.0) as u32, ((1.0 - at.y / 2.0) * 8.0) as u32);
+        let texel: [f64; 3] = std::array::from_fn(|band| PI * 40.0 * [1.0, 0.5, 0.25][band] * linear(pixel[band]));
+        close(polygon.emission, texel, 1e-3 * PI * 40.0);
+    }
+    // Grey of one value, and noise finer than any part: nothing to be told apart.
+    let (mut glb, _) = with_screen(1, 1);
+    assert_eq!(glb.scene().faces.len(), 2);
+    let chequers = RgbaImage::from_fn(512, 512, |x, y| Rgba([((x + y) % 2 * 255) as u8; 4]));
+    let texture = glb.texture(&chequers, json!({}));
+    glb.json["materials"][0]["emissiveTexture"]["index"] = json!(texture);
+    assert_eq!(glb.scene().faces.len(), 2);
+}
+
+/// Catches cutting without a bound: a few bytes of nodes that all show one screen can ask for any number of faces.
+#[test]
+fn screens_are_cut_within_bounds() {
+    for (nodes, each) in [(16, 128), (60, 32), (200, 8), (9000, 2)] {
+        assert_eq!(with_screen(8, nodes).0.scene().faces.len(), nodes * each, "{nodes}");
+    }
+}
+
 /// Catches emission without pi, strength or the option's scale; metallic and two-sided not heeded.
 #[test]
 fn plain_materials_become_surfaces() {
@@ -468,16 +560,32 @@ fn metallic_is_said_once_per_material() {
 #[test]
 fn textures_average_in_linear_space() {
     let pixels = halves([0, 0, 0, 255], [255, 255, 255, 255]);
-    let glb = textured(&pixels, json!({}), |texture| {
-        json!({"emissiveFactor": [1, 1, 1], "emissiveTexture": {"index": texture}, "pbrMetallicRoughness": {
-            "metallicFactor": 0, "baseColorFactor": [0.5, 1, 1, 1], "baseColorTexture": {"index": texture},
-        }})
-    });
-    let scene = glb.scene();
-    // Lower right triangle: the right half holds 3/4 of it.
+    let with_texture = |factor: [f64; 3]| {
+        textured(&pixels, json!({}), |texture| {
+            json!({"emissiveFactor": factor, "emissiveTexture": {"index": texture}, "pbrMetallicRoughness": {
+                "metallicFactor": 0, "baseColorFactor": [0.5, 1, 1, 1], "baseColorTexture": {"index": texture},
+            }})
+        })
+    };
+    let aglow = with_texture([1.0; 3]).scene();
+    // Lower right triangle: the right half holds 3/4 of it, on average over the four equal parts that it is cut into,
+    // each in one half.
+    let parts = &aglow.faces[..aglow.faces.len() / 2];
+    let mean = |value: &dyn Fn(&isolux_core::scene::Surface) -> Rgb| {
+        parts.iter().map(|face| value(face.surface.as_ref().unwrap())).sum::<Rgb>() / parts.len() as f64
+    };
+    assert_eq!(parts.len(), 4);
+    assert!(
+        parts.iter().all(|face| [0.0, PI].iter().any(|&all| (face.surface.unwrap().emission[0] - all).abs() < 1e-3))
+    );
+    close(mean(&|surface| surface.emission), [0.75 * PI; 3], 1e-3);
+    close(mean(&|surface| surface.reflectance), [0.375, 0.75, 0.75], 1e-4);
+    // Parts are counted from the right angle.
+    let uv = [DVec2::new(1.0, 0.0), DVec2::new(1.0, 0.5), DVec2::new(0.5, 0.0)];
+    assert_eq!(aglow.faces[0].uv.as_deref(), Some(&uv[..]));
+    let scene = with_texture([0.0; 3]).scene();
     let surface = scene.faces[0].surface.unwrap();
     close(surface.reflectance, [0.375, 0.75, 0.75], 1e-4);
-    close(surface.emission, [0.75 * PI; 3], 1e-3);
     close(scene.faces[1].surface.unwrap().reflectance, [0.125, 0.25, 0.25], 1e-4);
     let material = &scene.materials[0];
     close(material.surface.reflectance, [0.25, 0.5, 0.5], 1e-4);
@@ -1006,6 +1114,130 @@ fn light_units_are_as_blender_exports_them() {
     assert_eq!(LightUnits::from_name("lumen"), None);
 }
 
+/// A luminaire of 1, 0.8 and 0 times 100 cd at 0, 45 and 90 degrees, its horizontal angles one or those of a quarter
+/// circle that has half of that at 90.
+fn ies(is_round: bool) -> String {
+    let (angles, rows) = if is_round { ("1", "0\n100 80 0") } else { ("2", "0 90\n100 80 0\n50 40 0") };
+    format!("IESNA:LM-63-2002\nTILT=NONE\n1 -1 1 3 {angles} 1 2 0 0 0\n1 1 10\n0 45 90\n{rows}\n")
+}
+
+/// A triangle with three light profiles, one of each way to bring them along, and nodes that show them: hanging,
+/// turned, mirrored.
+fn with_profiles() -> Glb {
+    let mut glb = Glb::triangle(json!({}));
+    let half = std::f64::consts::FRAC_1_SQRT_2;
+    let view = glb.view(ies(true).as_bytes());
+    let data = format!("data:application/x-ies-lm-63,{}", ies(false).replace('\n', "%0A"));
+    let node = |light: usize| json!({"EXT_lights_ies": {"light": light}});
+    glb.json["nodes"] = json!([
+        {"name": "tri", "mesh": 0, "children": [1, 2, 3, 4]},
+        {"name": "hanging", "translation": [1, 2, 3], "scale": [3, 3, 3], "rotation": [-half, 0, 0, half],
+            "extensions": {"EXT_lights_ies": {"light": 0, "multiplier": 2.5, "color": [1, 0.5, 7]}}},
+        {"translation": [0, 1, 0], "rotation": [0, half, 0, half], "extensions": node(1)},
+        {"name": "mirror", "scale": [1, -1, 1], "extensions": node(1)},
+        {"name": "beside", "extensions": node(2)},
+    ]);
+    glb.json["extensions"] = json!({"EXT_lights_ies": {"lights": [
+        {"bufferView": view, "mimeType": "application/x-ies-lm-63"},
+        {"uri": data, "name": "oval"},
+        {"uri": "my%20lamps/round.ies"},
+        {"uri": "nobody shows it.ies"},
+    ]}});
+    glb.json["extensionsUsed"] = json!(["EXT_lights_ies"]);
+    glb.json["extensionsRequired"] = json!(["EXT_lights_ies"]);
+    glb
+}
+
+fn read_profiles(glb: &Glb, beside: &str) -> Result<SceneInput, ReadError> {
+    let folder = Folder::new();
+    folder.write("my lamps/round.ies", beside);
+    folder.read("room.glb", glb.bytes())
+}
+
+/// Catches light profiles that are not found where they are, that point along another axis than -z, a lost multiplier
+/// or tint, a luminaire that stays the same where its node is a mirror, and flux that changes with a node's scale.
+#[test]
+fn light_profiles_are_read() {
+    let scene = read_profiles(&with_profiles(), &ies(true)).unwrap();
+    let [hanging, oval, mirror, beside] = &scene.lamps[..] else { panic!("{:?}", scene.lamps) };
+    let names = [hanging, oval, mirror, beside].map(|lamp| lamp.name.as_str());
+    assert_eq!(names, ["hanging", "oval", "mirror", "beside"]);
+    near(hanging.position, [1.0, 2.0, 3.0]);
+    near(hanging.forward, [0.0, -1.0, 0.0]);
+    assert_eq!(hanging.intensity, Rgb([2.5, 1.25, 2.5]));
+    assert_eq!(beside.intensity, Rgb::splat(1.0));
+    near(oval.forward, [-1.0, 0.0, 0.0]);
+    near(oval.side, [0.0, 0.0, -1.0]);
+    // The file's piecewise linear function: integral of I(v) sin v over both halves of the quarter circle.
+    let (q, h) = (PI / 4.0, 0.5_f64.sqrt());
+    let first = 100.0 - 80.0 * h - 20.0 / q * h;
+    let second = 80.0 * h - 80.0 / q * (1.0 - h);
+    let round = 2.0 * PI * (first + second);
+    for (lamp, wanted) in [(hanging, 2.5 * round), (oval, 0.75 * round), (mirror, 0.75 * round), (beside, round)] {
+        let power = lamp.power().unwrap()[0];
+        assert!((power / wanted - 1.0).abs() < 1e-9, "{}: {power} {wanted}", lamp.name);
+    }
+    // Along +x of the node H is 0, along its y it is 90, and 270 the other way: alike in this file.
+    let at = |x: f64, y: f64| DVec3::new(x, y, -1.0).normalize();
+    for (direction, wanted) in [(at(1.0, 0.0), 80.0), (at(0.0, 1.0), 40.0), (at(0.0, -1.0), 40.0), (at(h, h), 60.0)] {
+        let found = mirror.share(direction);
+        assert!((found - wanted).abs() < 1e-6, "{direction}: {found}");
+    }
+    assert!(scene.issues.iter().all(|issue| !issue.message.contains("EXT_lights_ies")), "{:?}", scene.issues);
+    Scene::build(scene, &BuildOptions::default()).unwrap();
+}
+
+/// Catches a lamp that counts twice where a file has a light for readers that know no profiles, and a warning of a
+/// luminaire's file that is lost, or said for each lamp.
+#[test]
+fn light_profiles_take_precedence_and_tell_what_was_mended() {
+    let mut glb = with_profiles();
+    glb.json["nodes"][1]["extensions"]["KHR_lights_punctual"] = json!({"light": 0});
+    glb.json["extensions"]["KHR_lights_punctual"] = json!({"lights": [{"type": "point"}]});
+    glb.json["nodes"][2]["extensions"]["EXT_lights_ies"]["light"] = json!(2);
+    let scene = read_profiles(&glb, &ies(true).replace("IESNA:LM-63-2002", "IESNA:LM-63-2077")).unwrap();
+    assert_eq!(scene.lamps.len(), 4);
+    assert!(scene.lamps.iter().all(|lamp| matches!(lamp.shape, LampShape::Web(_))));
+    assert_eq!(find(&scene, IssueKind::Ignored, "hanging", "KHR_lights_punctual").severity, Severity::Warning);
+    let told: Vec<&Issue> = scene.issues.iter().filter(|issue| issue.message.contains("round.ies: line 1")).collect();
+    assert_eq!(told.len(), 1, "{:?}", scene.issues);
+}
+
+/// Catches light profiles that are missing or broken and pass in silence, or whose error names neither lamp nor file
+/// nor line.
+#[test]
+fn broken_light_profiles_are_errors_by_name() {
+    let refused = |change: &dyn Fn(&mut Glb), beside: &str| {
+        let mut glb = with_profiles();
+        change(&mut glb);
+        let error = read_profiles(&glb, beside).unwrap_err();
+        assert_one_line(&error);
+        error.to_string()
+    };
+    let node = |member: &'static str, value: Value| {
+        move |glb: &mut Glb| glb.json["nodes"][4]["extensions"]["EXT_lights_ies"][member] = value.clone()
+    };
+    let profile =
+        |value: Value| move |glb: &mut Glb| glb.json["extensions"]["EXT_lights_ies"]["lights"][2] = value.clone();
+    let sound = ies(true);
+    let broken = refused(&|_| {}, &sound.replace("80", "eighty"));
+    assert!(broken.contains("room.glb: lamp 'beside': my%20lamps/round.ies: line 7: expected "), "{broken}");
+    for (message, parts) in [
+        (refused(&node("light", json!(4)), &sound), ["node 'beside'", "light profile 4, but there are 4"]),
+        (refused(&node("light", json!(1_u64 << 32)), &sound), ["node 'beside'", "but there are 4"]),
+        (refused(&node("light", json!("first")), &sound), ["lamp 'beside'", "names no light"]),
+        (refused(&node("multiplier", json!("much")), &sound), ["lamp 'beside'", "multiplier is no number"]),
+        (refused(&node("color", json!([1, 2])), &sound), ["lamp 'beside'", "color is not three numbers"]),
+        (refused(&profile(json!({"uri": "gone.ies"})), &sound), ["lamp 'beside'", "gone.ies: no such file"]),
+        (refused(&profile(json!({"uri": "/etc/passwd"})), &sound), ["lamp 'beside'", "absolute paths are refused"]),
+        (refused(&profile(json!({"uri": "data:,nothing"})), &sound), ["lamp 'beside'", "light profile 2: line 1"]),
+        (refused(&profile(json!({"bufferView": 99})), &sound), ["light profile 2", "buffer view 99 is out of range"]),
+        (refused(&profile(json!({})), &sound), ["lamp 'beside'", "neither a URI nor a buffer view"]),
+    ] {
+        assert!(parts.iter().all(|part| message.contains(part)), "{message} {parts:?}");
+    }
+}
+
 /// All numbers of a JSON text, to be changed.
 fn numbers<'a>(value: &'a mut Value, found: &mut Vec<&'a mut Value>) {
     match value {
@@ -1019,7 +1251,8 @@ fn numbers<'a>(value: &'a mut Value, found: &mut Vec<&'a mut Value>) {
 /// Catches a file that the next test would spoil in vain, since it is not read in the first place.
 #[test]
 fn the_file_to_be_damaged_is_sound() {
-    assert_eq!(everything().scene().faces.len(), 6);
+    // Two meshes of two triangles, and one of two that shines: its parts.
+    assert!(everything().scene().faces.len() > 6);
 }
 
 proptest! {

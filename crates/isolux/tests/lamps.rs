@@ -94,6 +94,39 @@ fn a_floor_gets_what_the_formula_says() {
     }
 }
 
+/// Catches luminaires whose light comes out elsewhere than their files say: under a floodlight of each type, tilted and
+/// turned, the floor has intensity by cosine and squared distance, and never more flux than the file.
+#[test]
+fn luminaires_light_as_their_files_say() {
+    for name in ["type-a.ies", "type-b.ies", "type-c.ies", "isym2.ldt"] {
+        let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../photometry/tests/files");
+        let luminaire = isolux::photometry::read(&folder.join(name)).unwrap();
+        let forward = v(0.3, -1.0, -0.2).normalize();
+        let side = v(0.4, 0.0, 0.6).normalize();
+        let side = side.reject_from_normalized(forward).normalize();
+        let shape = LampShape::Web(isolux::formats::read::luminaire::web(&luminaire, false));
+        let (position, intensity) = (v(0.2, 1.3, -0.1), Rgb::splat(1.0));
+        let hung = Lamp { name: name.into(), position, forward, side, intensity, shape };
+        let scene = scene(SceneInput { lamps: vec![hung], ..floor() });
+        let solution = solved(&scene, &asked(0.02));
+        assert_eq!(solution.report().status, Status::Converged, "{name}");
+        // The luminaire's own frame: +X is `side`, -Z is `forward`, and +Y makes it right-handed.
+        let up = side.cross(forward);
+        let wanted = |&(place, normal): &(DVec3, DVec3)| {
+            let from = place - position;
+            let own = [from.dot(side), from.dot(up), -from.dot(forward)];
+            luminaire.intensity(own) * (-from).dot(normal) / from.length().powi(3)
+        };
+        let at = points(&scene, 100_000, 3);
+        let exact: Vec<f64> = places(&scene, &at).iter().map(wanted).collect();
+        let off = difference(&exact, &irradiances(&solution, &at));
+        assert!(off <= 0.02, "{name}: {off}, claimed {}", claimed(&solution));
+        let arrived = exact.iter().sum::<f64>() / exact.len() as f64 * scene.area();
+        assert!(arrived > 0.1 * luminaire.flux() && arrived < luminaire.flux(), "{name}: {arrived}");
+        assert!((scene.lamp_power()[0] / luminaire.flux() - 1.0).abs() < 0.005, "{name}");
+    }
+}
+
 /// Catches light inside a shadow, shadows of the wrong size, and claims that forget edges: a plate halfway between a lamp and a
 /// floor throws a shadow of twice its size, under the zenith one of its own.
 #[test]

@@ -2,7 +2,7 @@
 //! where symmetry makes them; what the angles mean is the web's.
 
 /// Angles closer than this are the same, degrees: files print 0.01 at best, and a direction's angle is known to 1e-14.
-const SAME: f64 = 1e-9;
+pub(crate) const SAME: f64 = 1e-9;
 
 /// How far the last angle of a range may be from where it should end, degrees. Files print angles to 0.1 at worst.
 const SNAP: f64 = 0.5;

@@ -36,4 +36,4 @@ mod web;
 pub use error::{PhotometryError, Warning};
 pub use opening::{Opening, OpeningShape};
 pub use photometry::{Format, LampSet, MAX_BYTES, Photometry, Tilt, parse, read};
-pub use web::{Kind, Peak, Symmetry, Web};
+pub use web::{Grid, Kind, Peak, Symmetry, Web};

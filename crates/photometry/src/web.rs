@@ -1,7 +1,7 @@
 //! The photometric web: angles and candela of a file come in, the intensity in any direction and integrals over the
 //! sphere come out, with symmetry made good as it is asked for.
 
-use crate::axis::Axis;
+use crate::axis::{Axis, SAME};
 
 /// Types of photometry: what the angles are measured about. The crate's page has their directions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -70,6 +70,28 @@ pub struct Web {
     by_vertical: Axis,
     by_horizontal: Axis,
 }
+
+/// A web with all that symmetry stands for written out: intensities by angles from a pole and about it, linear in
+/// between. The pole depends on the type, and so does where angles about it begin and where they lead:
+///
+/// | type | pole | 0 | 90 |
+/// |---|---|---|---|
+/// | C | -Z | +X | -Y |
+/// | B | -Y | -Z | +X |
+/// | A | -X | -Z | -Y |
+#[derive(Clone, Debug, PartialEq)]
+pub struct Grid {
+    /// Angles from the pole, degrees, ascending, within 0 and 180; it is dark beyond the first and the last.
+    pub polar: Vec<f64>,
+    /// Angles about the pole, degrees, ascending from 0 to 360, both included; 0 alone where it is the same all around.
+    pub around: Vec<f64>,
+    /// Intensities by angle about the pole and then polar angle, candela.
+    pub candela: Vec<f64>,
+}
+
+/// Degrees beyond the edge of the light at which a [`Grid`] is dark: a millionth part of what is in the step before the
+/// edge is lost or gained there, at steps of a degree.
+const EDGE: f64 = 1e-6;
 
 /// A table as a file has it: ascending angles, one finite candela value >= 0 for each pair of them.
 pub(crate) struct Table {
@@ -290,10 +312,55 @@ impl Web {
         }
     }
 
+    /// The whole sphere as one table: what [`Web::intensity`] tells, at an edge of the light to a millionth of
+    /// a degree.
+    #[must_use]
+    pub fn grid(&self) -> Grid {
+        let angles = |axis: &Axis| axis.knots().iter().map(|&(angle, _)| angle).collect::<Vec<_>>();
+        // The file's angle by that of the grid: polar is `base + turn * angle`, about the pole `sense * angle`.
+        let (polar, around, base, turn, sense) = match self.kind {
+            Kind::C => (&self.by_vertical, &self.by_horizontal, 0.0, 1.0, -1.0),
+            Kind::B => (&self.by_horizontal, &self.by_vertical, 90.0, -1.0, 1.0),
+            Kind::A => (&self.by_vertical, &self.by_horizontal, 90.0, 1.0, 1.0),
+        };
+        let polar: Vec<f64> = angles(polar).into_iter().map(|angle| (base + turn * angle).clamp(0.0, 180.0)).collect();
+        let polar = ascending(polar);
+        let around = if self.kind == Kind::C && self.horizontal.len() == 1 {
+            vec![0.0]
+        } else {
+            let knots = angles(around);
+            let (first, last) = (knots[0], knots[knots.len() - 1]);
+            let mut turned: Vec<f64> = knots.into_iter().map(|angle| (sense * angle).rem_euclid(360.0)).collect();
+            if last - first < 360.0 - EDGE {
+                turned.extend([first - EDGE, last + EDGE].map(|angle| (sense * angle).rem_euclid(360.0)));
+            }
+            turned.retain(|angle| (SAME..=360.0 - SAME).contains(angle));
+            turned.extend([0.0, 360.0]);
+            ascending(turned)
+        };
+        let candela = around.iter().flat_map(|&about| {
+            // Types A and B count to both sides of 0; a circle takes any.
+            let about = sense * if about > 180.0 { about - 360.0 } else { about };
+            polar.iter().map(move |&from| {
+                let from = turn * (from - base);
+                if self.kind == Kind::B { self.at(about, from) } else { self.at(from, about) }
+            })
+        });
+        let candela = candela.collect();
+        Grid { polar, around, candela }
+    }
+
     /// The same web with every intensity multiplied.
     pub(crate) fn scaled(&self, factor: f64) -> Web {
         Web { candela: self.candela.iter().map(|candela| candela * factor).collect(), ..self.clone() }
     }
+}
+
+/// Angles in order, those that are the same once.
+fn ascending(mut angles: Vec<f64>) -> Vec<f64> {
+    angles.sort_by(f64::total_cmp);
+    angles.dedup_by(|next, before| *next - *before < SAME);
+    angles
 }
 
 /// From the first to the last angle at which a profile has `share` of its highest value.

@@ -9,13 +9,22 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from isolux.cli import tables
-from isolux.cli.options import JsonTarget, LightUnitsOption, Units, load_scene, write_json
+from isolux.cli.options import (
+    JsonTarget,
+    LampsOption,
+    LightUnitsOption,
+    NorthOption,
+    SunOption,
+    Units,
+    load_scene,
+    write_json,
+)
 from isolux.cli.terminal import interrupts, show
 from isolux.photometry import PHOTOMETRIC_SUFFIXES, Photometry, read_photometry
 
 if TYPE_CHECKING:
     from isolux.report import Issue
-    from isolux.scene import Scene
+    from isolux.scene import Lamp, Scene
 
 __all__ = ["inspect"]
 
@@ -29,6 +38,9 @@ def inspect(
     ],
     units: Units = None,
     light_units: LightUnitsOption = "spec",
+    lamps: LampsOption = None,
+    sun: SunOption = None,
+    north: NorthOption = 0.0,
     json: JsonTarget = None,
 ) -> int:
     """Show what is in a scene: extents, polygons, lights and lamps by groups, cameras, materials, findings.
@@ -51,8 +63,11 @@ def inspect(
         if scene.suffix.lower() in PHOTOMETRIC_SUFFIXES:
             if units is not None:
                 raise typer.BadParameter("a luminaire's file says its units", param_hint="--units")
+            if lamps is not None or sun is not None:
+                option = "--lamp" if lamps is not None else "--sun"
+                raise typer.BadParameter("lamps are added to scenes, not to luminaires", param_hint=option)
             return _show_luminaire(read_photometry(scene), json)
-        loaded = load_scene(scene, units, light_units)
+        loaded = load_scene(scene, units, light_units, lamps, sun, north)
         loaded.check()
         findings = sorted(loaded.issues + loaded.audit(), key=lambda issue: issue.severity != "warning")
         return _show(loaded, scene, findings, json)
@@ -95,11 +110,16 @@ def _values(scene: Scene, source: Path, findings: list[Issue]) -> dict[str, Any]
             "groups": [{**dataclasses.asdict(group), "total": group.total} for group in scene.light_groups],
         },
         "emitted_power": scene.emitted_power,
-        "lamps": [dataclasses.asdict(lamp) for lamp in scene.lamps],
+        "lamps": [_lamp_values(lamp) for lamp in scene.lamps],
         "lamp_power": scene.lamp_power,
         "cameras": scene.cameras,
         "issues": [dataclasses.asdict(issue) for issue in findings],
     }
+
+
+def _lamp_values(lamp: Lamp) -> dict[str, Any]:
+    """A lamp without what a scene does not tell of it."""
+    return {name: value for name, value in dataclasses.asdict(lamp).items() if name != "photometry"}
 
 
 def _show_luminaire(luminaire: Photometry, json: str | None) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 import json
 import math
 import os
@@ -11,9 +12,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from isolux import _isolux
-from isolux.scene import LightUnits, Scene, load
+from isolux.cli.terminal import say
+from isolux.scene import Lamp, LightUnits, Scene, load
+from isolux.sun import sun_position
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from isolux.report import Unit
 
 __all__ = [
@@ -21,9 +26,12 @@ __all__ = [
     "GatherRays",
     "Jobs",
     "JsonTarget",
+    "LampsOption",
     "LightUnitsOption",
+    "NorthOption",
     "ProgressMode",
     "ProgressOption",
+    "SunOption",
     "Units",
     "bytes_of",
     "check_target",
@@ -83,6 +91,36 @@ LightUnitsOption = Annotated[
     ),
 ]
 
+LampsOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--lamp",
+        metavar="FILE@X,Y,Z[,ROTATION[,TILT]]",
+        help="Hang a luminaire, IES (.ies) or EULUMDAT (.ldt), at a place in metres. It points down, "
+        "its plane C0 (horizontal angle 0) along +x; ROTATION turns it about the vertical, counter-clockwise "
+        "seen from above, TILT raises it towards C0, both in degrees. May be repeated.",
+    ),
+]
+
+SunOption = Annotated[
+    str | None,
+    typer.Option(
+        "--sun",
+        metavar="LAT,LON@TIME[=LUX]",
+        help="Add the sun of a place and time, e.g. 48.1,11.6@2026-06-21T12:00+02:00: parallel light, by "
+        "default as bright as under a clear sky; LUX (with watts: W/m²) is what a surface facing it gets.",
+    ),
+]
+NorthOption = Annotated[
+    float,
+    typer.Option(
+        "--north",
+        metavar="DEGREES",
+        help="Where north is for --sun: 0 along -z (east along +x), else so far counter-clockwise, seen from "
+        "above.",
+    ),
+]
+
 _LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "km": 1000.0, "in": 0.0254, "ft": 0.3048}
 #: Factor on emission, and what it counts. A radiosity is pi times a radiance; readers multiply by pi.
 _EMISSIONS: dict[str, tuple[float, Unit]] = {
@@ -94,8 +132,16 @@ _EMISSIONS: dict[str, tuple[float, Unit]] = {
 }
 
 
-def load_scene(path: Path, units: str | None, light_units: LightUnits = "spec") -> Scene:
-    """Load a scene in the units asked for."""
+def load_scene(
+    path: Path,
+    units: str | None,
+    light_units: LightUnits = "spec",
+    lamps: Sequence[str] | None = None,
+    sun: str | None = None,
+    north: float = 0.0,
+) -> Scene:
+    """Load a scene in the units asked for, with luminaires and the sun that are added to it."""
+    added = [_luminaire(text) for text in lamps or ()]
     length: float | None = None
     emission, unit = _EMISSIONS["cd/m2"]
     for word in () if units is None else units.split(","):
@@ -111,7 +157,57 @@ def load_scene(path: Path, units: str | None, light_units: LightUnits = "spec") 
                 f"'{word}' is neither a length ({', '.join(_LENGTHS)}, or metres per unit) "
                 f"nor an emission ({', '.join(_EMISSIONS)})",
             )
-    return load(path, metres_per_unit=length, emission_scale=emission, unit=unit, light_units=light_units)
+    if sun is not None:
+        added.append(_sun(sun, north, unit))
+    return load(
+        path, metres_per_unit=length, emission_scale=emission, unit=unit, light_units=light_units, lamps=added
+    )
+
+
+def _sun(text: str, north: float, unit: Unit) -> Lamp:
+    """``48.1,11.6@2026-06-21T12:00+02:00=80000``; where it stands is said."""
+    place, at, when = text.partition("@")
+    moment, equals, lux = when.partition("=")
+    try:
+        latitude, longitude = (float(number) for number in place.split(","))
+        # Before Python 3.11 a Z is not read.
+        time = datetime.datetime.fromisoformat(moment.strip().replace("Z", "+00:00"))
+        illuminance = float(lux) if equals else None
+    except ValueError:
+        at = ""
+    if not at or (illuminance is not None and not (math.isfinite(illuminance) and illuminance > 0.0)):
+        raise _wrong(
+            "--sun", f"'{text}' is not LAT,LON@TIME[=LUX], like 48.1,11.6@2026-06-21T12:00+02:00=80000"
+        )
+    if not math.isfinite(north):
+        raise _wrong("--north", f"{north} is no angle")
+    if illuminance is None and unit == "W":
+        raise _wrong(
+            "--sun", f"'{text}' needs =W/m² where power is counted in watts: a clear sky's is in lux"
+        )
+    try:
+        position = sun_position(latitude, longitude, time)
+        lamp = Lamp.sun(latitude, longitude, time, illuminance=illuminance, north=north)
+    except ValueError as error:
+        raise _wrong("--sun", str(error)) from None
+    say(
+        f"sun: {position.elevation:.2f}° high, {position.azimuth:.2f}° from north by east, "
+        f"{lamp.intensity:.6g} {unit}/m²"
+    )
+    return lamp
+
+
+def _luminaire(text: str) -> Lamp:
+    """``lamp.ies@x,y,z``, and how it is turned."""
+    file, at, numbers = text.rpartition("@")
+    try:
+        x, y, z, *turned = (float(number) for number in numbers.split(","))
+        rotation, tilt = (*turned, 0.0, 0.0)[: max(2, len(turned))]
+    except ValueError:
+        file = ""
+    if not (file and at and all(math.isfinite(value) for value in (x, y, z, rotation, tilt))):
+        raise _wrong("--lamp", f"'{text}' is not FILE@X,Y,Z[,ROTATION[,TILT]]")
+    return Lamp.from_file(file, (x, y, z), rotation=rotation, tilt=tilt)
 
 
 def check_target(

@@ -12,7 +12,10 @@ from isolux.cli import tables
 from isolux.cli.options import (
     Jobs,
     JsonTarget,
+    LampsOption,
     LightUnitsOption,
+    NorthOption,
+    SunOption,
     Units,
     check_target,
     load_scene,
@@ -20,7 +23,6 @@ from isolux.cli.options import (
 )
 from isolux.cli.terminal import interrupts, show
 from isolux.exceptions import SolutionFileError
-from isolux.scene import LightUnits
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -58,6 +60,9 @@ def relight(
     ] = None,
     units: Units = None,
     light_units: LightUnitsOption = "spec",
+    lamps: LampsOption = None,
+    sun: SunOption = None,
+    north: NorthOption = 0.0,
     threads: Jobs = 0,
     json: JsonTarget = None,
 ) -> int:
@@ -79,7 +84,7 @@ def relight(
     with interrupts():
         opened = isolux.open(solution)
         if scene is not None:
-            _check_scene(opened, solution, scene, units, light_units)
+            _check_scene(opened, solution, scene, load_scene(scene, units, light_units, lamps, sun, north))
         relit = opened.relight(lights, reflectance=paints, threads=threads)
         relit.save(out)
         values = {"output": str(out), "report": relit.report.to_dict()}
@@ -92,10 +97,7 @@ def relight(
     return 0
 
 
-def _check_scene(
-    opened: isolux.Solution, solution: Path, scene: Path, units: str | None, light_units: LightUnits
-) -> None:
-    loaded = load_scene(scene, units, light_units)
+def _check_scene(opened: isolux.Solution, solution: Path, scene: Path, loaded: isolux.Scene) -> None:
     if not opened.matches(loaded):
         relit = opened.report.relit
         solved = opened.report.scene_hash if relit is None else relit.scene_hash

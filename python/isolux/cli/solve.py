@@ -13,8 +13,11 @@ from isolux.cli import tables
 from isolux.cli.options import (
     Jobs,
     JsonTarget,
+    LampsOption,
     LightUnitsOption,
+    NorthOption,
     ProgressOption,
+    SunOption,
     Units,
     bytes_of,
     check_target,
@@ -60,6 +63,9 @@ def solve(
     seed: Annotated[int, typer.Option(metavar="N", help="Seed of every pseudo-random choice.")] = 0,
     units: Units = None,
     light_units: LightUnitsOption = "spec",
+    lamps: LampsOption = None,
+    sun: SunOption = None,
+    north: NorthOption = 0.0,
     json: JsonTarget = None,
     progress: ProgressOption = "auto",
     dark: Annotated[
@@ -187,6 +193,10 @@ def solve(
         isolux solve room.obj --units cm -o room.isolux --error 0.02 --json report.json
 
         isolux solve room.glb -o room.isolux --error 0.01 --time 2m --memory 2G
+
+        isolux solve office.glb --lamp downlight.ies@5,2.7,3 --lamp spot.ldt@3,2.7,2,90,30 -o office.isolux
+
+        isolux solve studio.glb --sun 48.1,11.6@2026-06-21T17:00+02:00 --north 20 -o studio.isolux
     """
     if quality is not None and error is not None:
         raise typer.BadParameter(
@@ -222,7 +232,7 @@ def solve(
     settings = isolux.Settings(**fields)
     check_target(out, scene, None, wrong=(".glb", ".gltf", ".obj", ".ply", ".vtu", ".png", ".exr"))
     with interrupts() as hand:
-        loaded = load_scene(scene, units, light_units)
+        loaded = load_scene(scene, units, light_units, lamps, sun, north)
         _tell_of_issues(loaded)
         say(tables.power(loaded))
         hand.keep()

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from isolux.exceptions import MissingExtraError, ReadError, SceneError
-from isolux.scene import Material, Scene
+from isolux.scene import Lamp, Material, Scene
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
     from isolux.report import Unit
@@ -17,8 +19,10 @@ if TYPE_CHECKING:
 __all__ = ["load"]
 
 
-def load(path: Path, metres_per_unit: float, unit: Unit) -> Scene:
+def load(path: Path, metres_per_unit: float, unit: Unit, lamps: Sequence[Lamp] = ()) -> Scene:
     """Read a mesh with trimesh; its objects keep their names, its materials are left behind.
+
+    `lamps` are added, their places in metres.
 
     Raises
     ------
@@ -52,12 +56,18 @@ def load(path: Path, metres_per_unit: float, unit: Unit) -> Scene:
             [Material("grey", reflectance=0.5)],
             _unique(names),
             face_objects=np.repeat(np.arange(len(meshes)), [len(mesh.faces) for mesh in meshes]),
+            lamps=[_in_units(entry, metres_per_unit) for entry in lamps],
             metres_per_unit=metres_per_unit,
             unit=unit,
             name=path.stem,
         )
     except SceneError as error:
         raise SceneError(f"{path}: {error}") from None
+
+
+def _in_units(lamp: Lamp, metres_per_unit: float) -> Lamp:
+    """Give a lamp its place in the file's unit."""
+    return dataclasses.replace(lamp, position=[value / metres_per_unit for value in lamp.position])
 
 
 def _unique(names: list[str]) -> list[str]:

@@ -198,7 +198,7 @@ fn admit_lamps(mut lamps: Vec<Lamp>, scale: f64, notes: &mut Notes) -> Result<Ve
         lamp.intensity = lamp.intensity.map(|value| value.max(0.0));
         lamp.forward = forward;
         lamp.side = side.unwrap_or_else(|| forward.any_orthonormal_vector());
-        if lamp.intensity == Rgb::ZERO {
+        if lamp.intensity == Rgb::ZERO || lamp.power() == Some(Rgb::ZERO) {
             let message = "left out: it throws no light".to_owned();
             let (severity, kind) = (Severity::Note, IssueKind::Ignored);
             notes.issues.push(Issue { severity, kind, object: lamp.name, message });

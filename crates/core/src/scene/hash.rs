@@ -1,7 +1,7 @@
 //! Identity of a scene: a hash over everything that its results depend on or are read by; [`Scene::compute_hash`] lists
 //! what that is.
 
-use super::{Alpha, AlphaMask, Corners, Lamp, LampShape, Material, Plane, Polygon, Scene, Side, Texture, Wrap};
+use super::{Alpha, AlphaMask, Corners, Lamp, LampShape, Material, Plane, Pole, Polygon, Scene, Side, Texture, Wrap};
 use crate::units::Rgb;
 use glam::{DVec2, DVec3};
 use sha2::{Digest, Sha256};
@@ -184,7 +184,11 @@ impl Bytes {
             }
             LampShape::Parallel => self.choice(2),
             LampShape::Web(web) => {
-                self.choice(3);
+                self.choice(match web.pole {
+                    Pole::Forward => 3,
+                    Pole::Across => 4,
+                    Pole::Aside => 5,
+                });
                 for list in [&web.polar, &web.around, &web.intensity] {
                     self.list(list, |bytes, &value| bytes.number(value));
                 }

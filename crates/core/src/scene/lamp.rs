@@ -13,9 +13,9 @@ pub struct Lamp {
     pub name: String,
     /// Where it is, metres. Parallel light comes from no place.
     pub position: DVec3,
-    /// Unit vector along which it shines: the axis of a cone, the way of parallel light, the nadir of a luminaire.
+    /// Unit vector along which it shines: the axis of a cone, the way of parallel light, where a luminaire points.
     pub forward: DVec3,
-    /// Unit vector orthogonal to `forward`, from which a luminaire's horizontal angles are counted.
+    /// Unit vector orthogonal to `forward`: how a luminaire is turned about it, see [`Pole`].
     pub side: DVec3,
     /// Per band: luminous or radiant intensity, cd or W/sr; of parallel light irradiance on a surface that faces it, lm/m² or
     /// W/m²; of a luminaire a factor on its distribution.
@@ -47,13 +47,29 @@ pub enum LampShape {
 /// A measured distribution of intensity: a table over directions about an axis.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Web {
-    /// Angles from the axis, degrees, ascending, within 0 and 180; beyond them nothing is thrown.
+    /// Angles from the pole, degrees, ascending, within 0 and 180; beyond them nothing is thrown.
     pub polar: Vec<f64>,
-    /// Angles about the axis, degrees, ascending from 0 to 360, first and last included; counted from the lamp's `side` towards
-    /// `forward × side`. A single one: the same all around.
+    /// Angles about the pole, degrees, ascending from 0 to 360, first and last included. A single one: the same all
+    /// around.
     pub around: Vec<f64>,
-    /// Candela or W/sr: for each angle about the axis one row of values by polar angle.
+    /// Candela or W/sr: for each angle about the pole one row of values by polar angle.
     pub intensity: Vec<f64>,
+    /// What the angles are measured from.
+    #[serde(default)]
+    pub pole: Pole,
+}
+
+/// What the angles of a table are measured from, in the frame of its lamp: `forward`, `side`, and `forward × side`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Pole {
+    /// Polar angles from `forward`, angles about it from `side` towards `forward × side`. Type C of photometric files.
+    #[default]
+    Forward,
+    /// Polar angles from `forward × side`, angles about it from `forward` towards `side`. Type B.
+    Across,
+    /// Polar angles from `-side`, angles about it from `forward` towards `forward × side`. Type A.
+    Aside,
 }
 
 /// What a lamp throws on a point.
@@ -100,8 +116,13 @@ impl Lamp {
             }
             LampShape::Web(web) => {
                 let other = self.forward.cross(self.side);
-                let around = direction.dot(other).atan2(direction.dot(self.side)).to_degrees().rem_euclid(360.0);
-                web.at(cosine.acos().to_degrees(), around)
+                let (pole, zero, next) = match web.pole {
+                    Pole::Forward => (self.forward, self.side, other),
+                    Pole::Across => (other, self.forward, self.side),
+                    Pole::Aside => (-self.side, self.forward, other),
+                };
+                let around = direction.dot(next).atan2(direction.dot(zero)).to_degrees().rem_euclid(360.0);
+                web.at(direction.dot(pole).clamp(-1.0, 1.0).acos().to_degrees(), around)
             }
         }
     }
@@ -209,7 +230,8 @@ mod tests {
 
     /// Power by a sum over directions: strata of equal solid angle about the axis.
     fn summed(lamp: &Lamp) -> f64 {
-        let (rings, turns) = (2000, 90);
+        // No direction lies in the planes that bound half spaces.
+        let (rings, turns) = (2000, 96);
         let other = lamp.forward.cross(lamp.side);
         let mut sum = 0.0;
         for ring in 0..rings {
@@ -229,11 +251,20 @@ mod tests {
     fn power_is_the_integral_of_intensity() {
         let cone = LampShape::Spot { inner: 0.3, outer: 0.9 };
         let cosine_lobe: Vec<f64> = (0..=90).map(|angle| 100.0 * f64::from(angle).to_radians().cos()).collect();
-        let web = Web { polar: (0..=90).map(f64::from).collect(), around: vec![0.0], intensity: cosine_lobe };
+        let web = Web {
+            polar: (0..=90).map(f64::from).collect(),
+            around: vec![0.0],
+            intensity: cosine_lobe,
+            pole: Pole::Forward,
+        };
         let two: Vec<f64> = [0.0, 45.0, 90.0].map(|angle: f64| angle + 10.0).into();
         let turned: Vec<f64> = [0.0, 1.0, 0.5, 0.0].iter().flat_map(|&s| two.iter().map(move |v| s * v)).collect();
-        let lobed = Web { polar: vec![0.0, 45.0, 90.0], around: vec![0.0, 90.0, 180.0, 360.0], intensity: turned };
-        for shape in [LampShape::Point, cone, LampShape::Web(web), LampShape::Web(lobed)] {
+        let lobed = |pole| {
+            let (polar, around) = (vec![0.0, 45.0, 90.0], vec![0.0, 90.0, 180.0, 360.0]);
+            LampShape::Web(Web { polar, around, intensity: turned.clone(), pole })
+        };
+        let lobed = [Pole::Forward, Pole::Across, Pole::Aside].map(lobed);
+        for shape in [LampShape::Point, cone, LampShape::Web(web)].into_iter().chain(lobed) {
             let lamp = lamp(shape);
             let (power, wanted) = (lamp.power().unwrap(), summed(&lamp));
             // 2,000 rings: a fraction of a ring of error at each edge.
@@ -259,14 +290,30 @@ mod tests {
     #[test]
     fn a_table_is_read_about_its_axis() {
         let columns = [0.0, 90.0, 180.0, 270.0, 360.0];
-        let intensity = [1.0, 2.0, 3.0, 4.0, 1.0].iter().flat_map(|&value| [value, value]).collect();
-        let web = Web { polar: vec![0.0, 180.0], around: columns.into(), intensity };
-        let lamp = lamp(LampShape::Web(web));
-        // forward × side = -y × x = z.
-        for (direction, wanted) in
-            [(DVec3::X, 1.0), (DVec3::Z, 2.0), (-DVec3::X, 3.0), (-DVec3::Z, 4.0), (DVec3::new(1.0, 0.0, 1.0), 1.5)]
-        {
-            assert!((lamp.share(direction.normalize()) - wanted).abs() < 1e-12, "{direction}");
+        let intensity: Vec<f64> = [1.0, 2.0, 3.0, 4.0, 1.0].iter().flat_map(|&value| [value, value]).collect();
+        let web =
+            |pole| Web { polar: vec![0.0, 180.0], around: columns.into(), intensity: Vec::clone(&intensity), pole };
+        // forward = -y, side = x, forward × side = -y × x = z: where angles begin, and where they lead at 90 degrees.
+        for (pole, zero, next) in [
+            (Pole::Forward, DVec3::X, DVec3::Z),
+            (Pole::Across, -DVec3::Y, DVec3::X),
+            (Pole::Aside, -DVec3::Y, DVec3::Z),
+        ] {
+            let lamp = lamp(LampShape::Web(web(pole)));
+            for (direction, wanted) in [(zero, 1.0), (next, 2.0), (-zero, 3.0), (-next, 4.0), (zero + next, 1.5)] {
+                assert!((lamp.share(direction.normalize()) - wanted).abs() < 1e-12, "{pole:?} {direction}");
+            }
+        }
+    }
+
+    /// Catches polar angles that are counted from the wrong end of an axis.
+    #[test]
+    fn a_table_is_read_from_its_pole() {
+        for (pole, at) in [(Pole::Forward, -DVec3::Y), (Pole::Across, DVec3::Z), (Pole::Aside, -DVec3::X)] {
+            let web = Web { polar: vec![0.0, 180.0], around: vec![0.0], intensity: vec![1.0, 3.0], pole };
+            let lamp = lamp(LampShape::Web(web));
+            let found = [at, at.any_orthonormal_vector(), -at].map(|direction| lamp.share(direction));
+            assert!(found.iter().zip([1.0, 2.0, 3.0]).all(|(a, b)| (a - b).abs() < 1e-12), "{pole:?} {found:?}");
         }
     }
 }

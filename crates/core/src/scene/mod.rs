@@ -19,7 +19,7 @@ pub use check::SceneViolation;
 pub use corners::Corners;
 pub use input::{Alpha, Face, Image, Material, Object, SceneInput, Surface, Texture, Wrap};
 pub use issue::{Issue, IssueKind, SceneError, Severity};
-pub use lamp::{Lamp, LampShape, Thrown, Web};
+pub use lamp::{Lamp, LampShape, Pole, Thrown, Web};
 pub use mask::AlphaMask;
 pub use polygon::{Plane, Polygon, Side};
 

@@ -98,6 +98,16 @@ pub enum ReadError {
         /// How many there are.
         count: usize,
     },
+    /// A lamp cannot be made: its light profile is missing or broken.
+    #[error("{file}: lamp '{lamp}': {reason}")]
+    Lamp {
+        /// The file.
+        file: String,
+        /// Name of the lamp.
+        lamp: String,
+        /// What is wrong, with the name of the profile's file and the line.
+        reason: String,
+    },
     /// A line of a text file makes no sense.
     #[error("{file}: line {line}: {reason}")]
     Syntax {

@@ -8,6 +8,7 @@ mod error;
 mod files;
 mod gltf;
 mod look;
+pub mod luminaire;
 mod names;
 mod obj;
 mod texture;

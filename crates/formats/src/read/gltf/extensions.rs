@@ -7,7 +7,8 @@ use gltf::json::Root;
 use isolux_core::scene::{Issue, IssueKind, Severity};
 
 /// Read and given meaning.
-const READ: [&str; 8] = [
+const READ: [&str; 9] = [
+    super::profiles::NAME,
     "EXT_texture_webp",
     "KHR_lights_punctual",
     "KHR_materials_emissive_strength",

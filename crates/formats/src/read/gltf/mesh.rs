@@ -23,9 +23,13 @@ pub(super) struct Piece<'a> {
     colours: Option<Lookup<'a, 4>>,
     /// Sets of texture coordinates, by number.
     coordinates: Vec<(u32, Lookup<'a, 2>)>,
-    /// Base-colour coordinates of each triangle, if the material has such a texture.
+    /// How many nodes show it.
+    pub(super) shown: usize,
+    /// Into how many steps along each side its triangles are cut; 1: they are whole.
+    pub(super) steps: usize,
+    /// Base-colour coordinates of each triangle, or of each part of each, if the material has such a texture.
     pub(super) uv: Option<Vec<[DVec2; 3]>>,
-    /// Surfaces of the triangles: one for each, or none where the material's own stands for all.
+    /// Surfaces of the triangles or their parts: one for each, or none where the material's own stands for all.
     pub(super) surfaces: Option<Vec<Surface>>,
 }
 
@@ -156,6 +160,8 @@ fn open_primitive<'a>(
         positions: positions.vectors(),
         colours,
         coordinates,
+        shown: 0,
+        steps: 1,
         uv: None,
         surfaces: None,
     }))
@@ -188,13 +194,17 @@ impl Piece<'_> {
         self.colours.is_some()
     }
 
-    /// Mean vertex colour and alpha of a triangle, clamped to [0, 1] corner by corner.
-    pub(super) fn colour(&self, triangle: [u32; 3]) -> Option<[f64; 4]> {
+    /// Mean vertex colour and alpha of a triangle or a part of it, clamped to [0, 1] corner by corner.
+    pub(super) fn colour(&self, triangle: [u32; 3], part: Option<&[DVec3; 3]>) -> Option<[f64; 4]> {
         let colours = self.colours.as_ref()?;
+        let centre = part.map(|part| (part[0] + part[1] + part[2]) / 3.0);
         let mut mean = [0.0; 4];
-        for vertex in triangle {
+        for (corner, vertex) in triangle.into_iter().enumerate() {
             let colour = colours(vertex as usize);
-            (0..4).for_each(|band| mean[band] += colour[band].clamp(0.0, 1.0) / 3.0);
+            for band in 0..4 {
+                let value = colour[band].clamp(0.0, 1.0);
+                mean[band] += centre.map_or(value / 3.0, |centre| value * centre[corner]);
+            }
         }
         Some(mean)
     }

@@ -3,10 +3,12 @@
 
 mod accessor;
 mod container;
+mod cut;
 mod extensions;
 mod material;
 mod mesh;
 mod nodes;
+mod profiles;
 
 pub(super) use container::{MAGIC, looks_like_json};
 
@@ -15,6 +17,7 @@ use super::look::Loaded;
 use super::texture::{Bank, Rule};
 use super::{MAX_FACES, ReadOptions, issue};
 use container::Document;
+use glam::{DVec2, DVec3};
 use isolux_core::scene::{AlphaMask, Face, Image, IssueKind, Material, Object, SceneInput, Severity, Texture, Wrap};
 use mesh::Piece;
 use nodes::Instance;
@@ -30,7 +33,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<S
     let document = container::open(path, bytes)?;
     let mut scene = SceneInput { metres_per_unit: options.metres_per_unit.unwrap_or(1.0), ..SceneInput::default() };
     scene.issues = extensions::notes(&document.file, document.root());
-    let walk = nodes::walk(&document, options.light_units)?;
+    let walk = nodes::walk(&document, options)?;
     scene.issues.extend(walk.issues);
     scene.cameras = walk.cameras;
     scene.lamps = walk.lamps;
@@ -60,6 +63,7 @@ fn open_meshes<'a>(
                 entry.insert(mesh::open(document, instance.mesh, &instance.object, faces, &mut scene.issues)?)
             }
         };
+        pieces.iter_mut().for_each(|piece| piece.shown += 1);
         faces += pieces.iter().map(|piece| piece.triangles.len()).sum::<usize>();
         if faces > MAX_FACES {
             return Err(mesh::too_many(document, &instance.object, faces));
@@ -88,6 +92,7 @@ fn dress(
         users.entry(material).or_default().push(piece);
     }
     let mut bank = material::bank(document);
+    let mut budget = cut::MOST_PARTS;
     let mut masks = Vec::new();
     for (index, entry) in entries.into_iter().enumerate() {
         let pieces = users.remove(&index).unwrap_or_default();
@@ -108,7 +113,7 @@ fn dress(
             scene.issues.push(issue(Severity::Warning, IssueKind::MissingFile, &entry.name, message));
         });
         for piece in pieces {
-            dress_piece(piece, &loaded, &entry.name, scene);
+            dress_piece(piece, &loaded, &entry.name, &mut budget, scene);
         }
         let texture = keep_texture(&loaded, &mut bank, &mut scene.images);
         let material = finish(entry.name, entry.two_sided, &loaded, texture, &mut masks, &mut scene.masks);
@@ -150,8 +155,8 @@ fn finish(
     Material { name, surface: loaded.surface(|_| None, None), two_sided, alpha, texture }
 }
 
-/// Averages a material over the triangles of a piece.
-fn dress_piece(piece: &mut Piece<'_>, loaded: &Loaded, material: &str, scene: &mut SceneInput) {
+/// Averages a material over the triangles of a piece, cut where their emission varies: that takes of `budget`.
+fn dress_piece(piece: &mut Piece<'_>, loaded: &Loaded, material: &str, budget: &mut usize, scene: &mut SceneInput) {
     for (what, used) in
         [("base-colour", &loaded.base), ("emissive", &loaded.emission), ("transmission", &loaded.transmission)]
     {
@@ -165,17 +170,38 @@ fn dress_piece(piece: &mut Piece<'_>, loaded: &Loaded, material: &str, scene: &m
             scene.issues.push(issue(Severity::Warning, IssueKind::Assumed, &piece.object, message));
         }
     }
+    let steps = cut::steps(piece, loaded, *budget);
+    if steps > 1 {
+        piece.steps = steps;
+        let count = piece.triangles.len() * steps * steps;
+        *budget = budget.saturating_sub(count * piece.shown);
+        let message = format!(
+            "{} triangles are cut into {count} faces: the emissive texture of '{material}' varies",
+            piece.triangles.len()
+        );
+        scene.issues.push(issue(Severity::Note, IssueKind::Assumed, &piece.object, message));
+    }
     if let Some((map, _)) = &loaded.base
         && piece.has_coordinates(map.set)
     {
-        let corners = |&triangle: &[u32; 3]| piece.coordinates(map.set, triangle);
-        let uv = piece.triangles.iter().filter_map(corners).map(|uv| uv.map(|uv| map.transform.apply(uv)));
-        piece.uv = Some(uv.collect());
+        let uv = piece.triangles.iter().filter_map(|&triangle| {
+            let uv = piece.coordinates(map.set, triangle)?;
+            let parts = cut::parts(piece, triangle);
+            let parts: Vec<[DVec2; 3]> = parts.iter().map(|part| cut::coordinates(uv, part)).collect();
+            Some(if parts.is_empty() { vec![uv] } else { parts })
+        });
+        let uv = uv.flatten();
+        piece.uv = Some(uv.map(|uv| uv.map(|uv| map.transform.apply(uv))).collect());
     }
     if !loaded.is_uniform() || piece.has_colours() {
-        let surface =
-            |&triangle: &[u32; 3]| loaded.surface(|set| piece.coordinates(set, triangle), piece.colour(triangle));
-        piece.surfaces = Some(piece.triangles.iter().map(surface).collect());
+        let shown = &*piece;
+        let surfaces = shown.triangles.iter().flat_map(|&triangle| {
+            let parts = cut::parts(shown, triangle);
+            let whole = parts.is_empty().then(|| cut::surface(shown, loaded, triangle, None));
+            let parts = parts.into_iter().map(move |part| cut::surface(shown, loaded, triangle, Some(&part)));
+            whole.into_iter().chain(parts)
+        });
+        piece.surfaces = Some(surfaces.collect());
     }
 }
 
@@ -189,13 +215,17 @@ fn place(document: &Document<'_>, instances: &[Instance], meshes: &Meshes<'_>, s
         let order = if nodes::is_mirrored(&instance.world) { [0, 2, 1] } else { [0, 1, 2] };
         for piece in meshes.get(&instance.mesh).into_iter().flatten() {
             let material = piece.material.unwrap_or(default) as u32;
-            for (index, triangle) in piece.triangles.iter().enumerate() {
+            let positions = piece.triangles.iter().flat_map(|&triangle| {
+                let whole = triangle.map(|corner| piece.position(corner));
+                let part = move |part: [DVec3; 3]| part.map(|at| whole[0] * at.x + whole[1] * at.y + whole[2] * at.z);
+                let parts = cut::parts(piece, triangle);
+                parts.is_empty().then_some(whole).into_iter().chain(parts.into_iter().map(part))
+            });
+            for (index, corners) in positions.enumerate() {
                 scene.faces.push(Face {
                     object,
                     material,
-                    corners: order
-                        .map(|corner| instance.world.transform_point3(piece.position(triangle[corner])))
-                        .to_vec(),
+                    corners: order.map(|corner| instance.world.transform_point3(corners[corner])).to_vec(),
                     uv: piece.uv.as_ref().map(|uv| order.map(|corner| uv[index][corner]).to_vec()),
                     surface: piece.surfaces.as_ref().map(|surfaces| surfaces[index]),
                 });

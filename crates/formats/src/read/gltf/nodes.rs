@@ -2,15 +2,16 @@
 //! depth-first document order.
 
 use super::container::Document;
+use super::profiles::{self, Profiles};
 use crate::read::error::{ReadError, brief, clean};
 use crate::read::names::Names;
-use crate::read::{LightUnits, issue};
+use crate::read::{LightUnits, ReadOptions, issue};
 use glam::{DMat3, DMat4, DQuat, DVec3};
 use gltf::json::extensions::scene::khr_lights_punctual::{Light, Type};
 use gltf::json::validation::Checked;
-use gltf::json::{self, Index, Node, Root};
+use gltf::json::{self, Index, Node, Root, Value};
 use isolux_core::scene::{Camera, Issue, IssueKind, Lamp, LampShape, Projection, Severity};
-use isolux_core::units::Rgb;
+use isolux_core::units::{Rgb, Unit};
 
 /// A mesh as a node shows it.
 pub(super) struct Instance {
@@ -22,6 +23,29 @@ pub(super) struct Instance {
     pub(super) world: DMat4,
 }
 
+/// Where a lamp is, and which way it is turned.
+pub(super) struct Place {
+    pub(super) position: DVec3,
+    /// Unit vector along -z of the node.
+    pub(super) forward: DVec3,
+    /// Along x of the node.
+    pub(super) side: DVec3,
+    /// Whether the node turns what it holds into its mirror image.
+    pub(super) mirrored: bool,
+}
+
+impl Place {
+    /// Of a node; `None` where it has no direction. Scale has no meaning for a lamp.
+    fn of(world: &DMat4) -> Option<Place> {
+        Some(Place {
+            position: world.w_axis.truncate(),
+            forward: (-world.z_axis.truncate()).try_normalize()?,
+            side: world.x_axis.truncate(),
+            mirrored: is_mirrored(world),
+        })
+    }
+}
+
 /// What the nodes of a scene amount to.
 #[derive(Default)]
 pub(super) struct Walk {
@@ -29,10 +53,11 @@ pub(super) struct Walk {
     pub(super) cameras: Vec<Camera>,
     pub(super) lamps: Vec<Lamp>,
     pub(super) issues: Vec<Issue>,
+    profiles: Profiles,
 }
 
 /// Walks the default scene (else the first; else all nodes that are nobody's child).
-pub(super) fn walk(document: &Document<'_>, units: LightUnits) -> Result<Walk, ReadError> {
+pub(super) fn walk(document: &Document<'_>, options: &ReadOptions) -> Result<Walk, ReadError> {
     let root = document.root();
     let mut walk = Walk::default();
     let roots: Vec<Index<Node>> = match (root.scene, root.scenes.first()) {
@@ -74,8 +99,15 @@ pub(super) fn walk(document: &Document<'_>, units: LightUnits) -> Result<Walk, R
         if let Some(camera) = node.camera {
             walk.camera(document, index, camera, world, &mut cameras)?;
         }
-        if let Some(light) = node.extensions.as_ref().and_then(|extensions| extensions.khr_lights_punctual.as_ref()) {
-            walk.lamp(document, index, light.light, world, units, &mut lamps)?;
+        let extensions = node.extensions.as_ref();
+        let profile = extensions.and_then(|extensions| extensions.others.get(profiles::NAME));
+        let light = extensions.and_then(|extensions| extensions.khr_lights_punctual.as_ref());
+        match (profile, light) {
+            (Some(profile), light) => {
+                walk.luminaire(document, index, profile, light.is_some(), &world, options.unit, &mut lamps)?;
+            }
+            (None, Some(light)) => walk.lamp(document, index, light.light, &world, options.light_units, &mut lamps)?,
+            (None, None) => {}
         }
     }
     if let Some(&first) = repeated.first() {
@@ -157,7 +189,7 @@ impl Walk {
         document: &Document<'_>,
         index: usize,
         light: Index<Light>,
-        world: DMat4,
+        world: &DMat4,
         units: LightUnits,
         names: &mut Names,
     ) -> Result<(), ReadError> {
@@ -178,9 +210,7 @@ impl Walk {
             }
             (Checked::Invalid, _) => None,
         };
-        // A lamp shines along -z; scale has no meaning for it.
-        let forward = (-world.z_axis.truncate()).try_normalize();
-        let (Some(shape), Some(forward)) = (shape, forward) else {
+        let (Some(shape), Some(Place { position, forward, side, .. })) = (shape, Place::of(world)) else {
             let message =
                 "the light is ignored: its type is none of directional, point and spot, or it has no direction";
             self.issues.push(issue(Severity::Warning, IssueKind::Ignored, &name, message));
@@ -191,14 +221,41 @@ impl Walk {
             self.issues.push(issue(Severity::Note, IssueKind::Ignored, &name, message));
         }
         let factor = f64::from(data.intensity) * units.factor(shape == LampShape::Parallel);
-        self.lamps.push(Lamp {
-            name,
-            position: world.w_axis.truncate(),
-            forward,
-            side: world.x_axis.truncate(),
-            intensity: Rgb(data.color.map(f64::from)) * factor,
-            shape,
-        });
+        let intensity = Rgb(data.color.map(f64::from)) * factor;
+        self.lamps.push(Lamp { name, position, forward, side, intensity, shape });
+        Ok(())
+    }
+
+    /// A lamp with a light profile; `has_other` tells whether its node has a light of `KHR_lights_punctual`, too.
+    #[expect(clippy::too_many_arguments, reason = "what a node's entry needs of the walk")]
+    fn luminaire(
+        &mut self,
+        document: &Document<'_>,
+        index: usize,
+        extension: &Value,
+        has_other: bool,
+        world: &DMat4,
+        unit: Unit,
+        names: &mut Names,
+    ) -> Result<(), ReadError> {
+        let root = document.root();
+        let label = [root.nodes[index].name.as_deref(), Profiles::label(document, extension)];
+        let label = label.into_iter().flatten().find(|name| !clean(name).is_empty());
+        let name = names.unique(label, || format!("light of node {index}"));
+        if has_other {
+            let message =
+                "its light of KHR_lights_punctual is left out: it stands in for the light profile where none is read";
+            self.issues.push(issue(Severity::Warning, IssueKind::Ignored, &name, message));
+        }
+        let Some(place) = Place::of(world) else {
+            let message = "the light profile is ignored: its node has no direction";
+            self.issues.push(issue(Severity::Warning, IssueKind::Ignored, &name, message));
+            return Ok(());
+        };
+        let owner = || node_name(root, index);
+        let (lamp, found) = self.profiles.lamp(document, extension, owner, (name, place), unit)?;
+        self.lamps.push(lamp);
+        self.issues.extend(found);
         Ok(())
     }
 }
