@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-    from isolux.measures import Measurements, Spec
     from isolux.lightmap import Part, Stage, Values
+    from isolux.measures import Measurements, Spec
 
     #: A read-only dict of read-only arrays.
     Arrays = Mapping[str, NDArray[Any]]
