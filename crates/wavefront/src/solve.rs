@@ -282,30 +282,34 @@ impl Prepared {
             let asked = bound.is_some() || by_links <= SLACK * request.error;
             let begun_check = Instant::now();
             let mut found = asked.then(|| check(&transport, &light, request.error, request.seed, None));
-            // Is it for want of points that the error is not known to be as small as asked? One standard error of its square
-            // may be chance.
-            let is_doubted = |found: &Check| {
+            // Is it for want of points that the error is not known to be as small as asked? `errors`: so many standard errors of
+            // its square may be chance.
+            let is_doubted = |found: &Check, errors: f64| {
                 let claimed = claim(found, 0.0, 0.0);
                 let within = |asked: f64, all: f64, dark: f64| {
                     all <= MARGIN * asked && request.dark.is_none_or(|asked| dark <= MARGIN * asked)
                 };
-                let least = |found: Found| (found.error * found.error - found.square_error).max(0.0).sqrt();
+                let least = |found: Found| (found.error * found.error - errors * found.square_error).max(0.0).sqrt();
                 within(request.error, least(found.all), least(found.dark))
                     && !within(request.error, claimed.total, claimed.dark)
             };
-            if let Some(found) = found.as_mut().filter(|found| is_doubted(found)) {
-                // Refinement may be the cheaper way, but not twice.
+            if let Some(found) = found.as_mut().filter(|found| is_doubted(found, 1.0)) {
                 let refinement = RAYS as u64 * (transport.evaluated + transport.packets - traced);
-                doubted |= MORE_POINTS * found.rays < refinement;
                 let has_time = || {
                     let next = begun_check.elapsed().mul_f64(MORE_POINTS as f64);
                     deadline.is_none_or(|deadline| Instant::now() + next <= deadline)
                 };
-                while doubted && is_doubted(found) && found.points < MOST_POINTS && has_time() {
+                // Refinement may be the cheaper way, but hardly so twice where nothing but doubt is left.
+                let pays = |found: &Check| {
+                    let worth = if doubted && is_doubted(found, 0.0) { MORE_POINTS } else { 1 };
+                    is_doubted(found, 1.0) && MORE_POINTS * found.rays < worth * refinement
+                };
+                let was_doubted = is_doubted(found, 0.0);
+                while pays(found) && found.points < MOST_POINTS && has_time() {
                     let points = MORE_POINTS as usize * found.points;
                     *found = check(&transport, &light, request.error, request.seed, Some(points));
                 }
-                doubted = true;
+                doubted |= was_doubted;
             }
             let now = found.map(|found| claim(&found, by_links, by_lamps));
             let checked = begun.elapsed();
