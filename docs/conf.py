@@ -1,4 +1,4 @@
-"""How Sphinx builds these pages: Markdown by MyST, the API from docstrings, the command line from itself."""
+"""How Sphinx builds these pages: Markdown and notebooks by MyST, the API from docstrings, the command too."""
 
 from isolux import __version__
 
@@ -7,7 +7,7 @@ copyright = "the isolux authors"  # noqa: A001
 version = release = __version__
 
 extensions = [
-    "myst_parser",
+    "myst_nb",
     "sphinx.ext.autodoc",
     "sphinx.ext.mathjax",
     "sphinx.ext.napoleon",
@@ -21,6 +21,8 @@ html_title = f"isolux {release}"
 
 myst_enable_extensions = ["amsmath", "colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
+# Notebooks are shown as committed; tests/python/test_examples.py runs them.
+nb_execution_mode = "off"
 
 default_role = "py:obj"
 autodoc_member_order = "bysource"

@@ -47,7 +47,7 @@ class ReadError(IsoluxError):
 
 
 class MissingExtraError(ReadError, ImportError):
-    """A file needs a package that is not installed; the message says how to install it."""
+    """A file or a widget needs a package that is not installed; the message says how to install it."""
 
 
 class PhotometryError(IsoluxError, ValueError):

@@ -13,7 +13,7 @@ import numpy as np
 
 from isolux import _isolux
 from isolux._arrays import floats, integers
-from isolux.exceptions import Cancelled, RelightError, RenderError, SettingsError
+from isolux.exceptions import Cancelled, MissingExtraError, RelightError, RenderError, SettingsError
 from isolux.report import Report
 from isolux.scene import LightGroup, Scene
 from isolux.settings import Quality, Schedule, Settings
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
     from isolux.lightmap import Part, Stage, Values
     from isolux.measures import Measurements, Spec
+    from isolux.viewer.widget import View
 
     #: A read-only dict of read-only arrays.
     Arrays = Mapping[str, NDArray[Any]]
@@ -518,6 +519,27 @@ class Solution:
             and the viewer reads values off the mesh. None: 256 MiB.
         """
         return self._inner.view_data(max_links, max_field_bytes)
+
+    def view_widget(self, *, height: int = 600) -> View:
+        """Show the viewer in a notebook; needs the extra ``isolux[notebook]``.
+
+        Parameters
+        ----------
+        height
+            Height of the frame, pixels, at least 200.
+
+        Raises
+        ------
+        MissingExtraError
+            Where anywidget is not installed.
+        """
+        try:
+            from isolux.viewer.widget import View  # noqa: PLC0415 (an extra)
+        except ModuleNotFoundError as error:
+            raise MissingExtraError(
+                f"the viewer in notebooks needs {error.name}: pip install 'isolux[notebook]'"
+            ) from None
+        return View(self, height=height)
 
     @property
     def exposure(self) -> float:

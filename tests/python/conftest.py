@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -14,10 +15,19 @@ import pytest
 
 import isolux
 
+try:
+    from playwright.sync_api import sync_playwright
+except ImportError:
+    sync_playwright = None
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
 ROOT = Path(__file__).parents[2]
+
+CHROMIUM = os.environ.get("ISOLUX_CHROMIUM") or shutil.which("chromium") or shutil.which("chromium-browser")
+MUST = os.environ.get("ISOLUX_BROWSER", "") not in ("", "0")
+MISSING = [name for name, found in (("playwright", sync_playwright), ("chromium", CHROMIUM)) if not found]
 
 #: Corners of the unit cube, and its sides seen from inside.
 CUBE = [[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)]
@@ -160,3 +170,14 @@ def interruptible() -> Iterator[None]:
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
+
+
+@pytest.fixture(scope="session")
+def browser():
+    """Chromium, once for all tests: two at a time cannot be driven."""
+    assert not MISSING, f"ISOLUX_BROWSER is set, but these are not installed: {MISSING}"
+    with sync_playwright() as playwright:
+        arguments = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
+        running = playwright.chromium.launch(executable_path=CHROMIUM, args=arguments)
+        yield running
+        running.close()

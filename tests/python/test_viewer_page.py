@@ -8,42 +8,24 @@ from __future__ import annotations
 
 import io
 import os
-import shutil
 from base64 import b64encode
 from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import ROOT, lamp
+from conftest import MISSING, MUST, ROOT, lamp
 from PIL import Image
 
 import isolux
 from isolux.viewer import exported
 from isolux.viewer.server import ViewServer
 
-CHROMIUM = os.environ.get("ISOLUX_CHROMIUM") or shutil.which("chromium") or shutil.which("chromium-browser")
-MUST = os.environ.get("ISOLUX_BROWSER", "") not in ("", "0")
-try:
-    from playwright.sync_api import sync_playwright
-except ImportError:
-    sync_playwright = None
-MISSING = [name for name, found in (("playwright", sync_playwright), ("chromium", CHROMIUM)) if not found]
 pytestmark = pytest.mark.skipif(bool(MISSING) and not MUST, reason=f"not installed: {', '.join(MISSING)}")
 
 SCENES = ("room", "cornell", "two_rooms")
 GOLDEN = Path(__file__).with_name("golden")
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 WIDTH, HEIGHT = 1100, 700
-
-
-@pytest.fixture(scope="session")
-def browser():
-    assert not MISSING, f"ISOLUX_BROWSER is set, but these are not installed: {MISSING}"
-    with sync_playwright() as playwright:
-        arguments = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
-        running = playwright.chromium.launch(executable_path=CHROMIUM, args=arguments)
-        yield running
-        running.close()
 
 
 @pytest.fixture(scope="session")
