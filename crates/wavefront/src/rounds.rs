@@ -293,8 +293,8 @@ impl Transport {
         (square / (3.0 * f32::from(count + 1))).sqrt()
     }
 
-    /// Quarters the leaves whose fields leave more than `limit`; returns how many.
-    pub(crate) fn refine_leaves(&mut self, light: &mut Light, limit: Limit) -> usize {
+    /// Quarters the leaves whose fields leave more than `limit`, unless that breaks a bound of `budget`: all stays as it is then.
+    pub(crate) fn refine_leaves(&mut self, light: &mut Light, limit: Limit, budget: &Budget<'_>) -> Option<Bound> {
         let coarse: Vec<u32> = self
             .bulges(light)
             .into_iter()
@@ -307,9 +307,13 @@ impl Transport {
             })
             .map(|(leaf, _)| leaf as u32)
             .collect();
-        split(&mut self.elements, coarse.iter().copied(), &self.geometry);
-        light.adopt(&self.elements);
-        coarse.len()
+        let elements = self.elements.len() + 4 * coarse.len();
+        let bound = budget.broken(elements, self.links.len() + self.dark.len());
+        if bound.is_none() {
+            split(&mut self.elements, coarse, &self.geometry);
+            light.adopt(&self.elements);
+        }
+        bound
     }
 
     /// Sum over receivers of area times weight times squared error, m² (W/m²)², by what is kept.

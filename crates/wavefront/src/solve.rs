@@ -344,7 +344,10 @@ impl Prepared {
                 bound = Some(Bound::Time);
                 break;
             }
-            transport.refine_leaves(&mut light, limit);
+            bound = transport.refine_leaves(&mut light, limit, &budget);
+            if bound.is_some() {
+                break;
+            }
             if let Some(found) = found.filter(|_| dark_left) {
                 // From here on errors count by how dark it is where they fall.
                 light.floor = (found.dark_mean * mean) as f32;

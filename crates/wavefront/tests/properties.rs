@@ -6,12 +6,12 @@
 #[path = "../../core/tests/inputs/mod.rs"]
 mod inputs;
 
-use inputs::built;
 use inputs::rooms::{front_at, places, room, tessellated};
+use inputs::{Make, built, empty, grey, v};
 use isolux_core::DVec3;
 use isolux_core::scene::Scene;
 use isolux_core::units::Rgb;
-use isolux_wavefront::{Control, Ideas, Outcome, Prepared, Request, Tracer, irradiance_at};
+use isolux_wavefront::{Bound, Control, Ideas, Outcome, Prepared, Request, Tracer, irradiance_at};
 use std::f64::consts::SQRT_2;
 use std::sync::Arc;
 
@@ -99,4 +99,28 @@ fn what_is_there_twice_is_there_once() {
         // Two errors of no more than was asked for each, as above.
         assert!(off < SQRT_2 * ERROR, "room {seed}: {off}");
     }
+}
+
+/// Catches elements that are made past the bounds: where the fields of leaves, not links, say that more are needed. Two black
+/// squares, one of which shines, and a third one that shades the other.
+#[test]
+fn leaves_keep_within_the_bounds() {
+    let mut input = empty();
+    let object = input.object("squares");
+    let (lamp, black) = (input.material("lamp", grey(0.0, 1.0)), input.material("black", grey(0.0, 0.0)));
+    let square = |low: f64, high: f64, height: f64| {
+        [v(low, height, low), v(low, height, high), v(high, height, high), v(high, height, low)]
+    };
+    let turned = |corners: [DVec3; 4]| [corners[3], corners[2], corners[1], corners[0]];
+    input.face(object, black, &square(0.0, 1.0, 0.0));
+    input.face(object, lamp, &turned(square(0.0, 1.0, 1.0)));
+    input.face(object, black, &square(0.25, 0.75, 0.5));
+    input.face(object, black, &turned(square(0.25, 0.75, 0.5)));
+    let scene = Arc::new(built(input));
+    let most = 20_000;
+    let request = Request { max_elements: Some(most), ..Request::new(0.01) };
+    let solved = Prepared::new(scene.clone()).solve(&request, &Control::default());
+    assert_eq!(solved.bound, Some(Bound::Elements));
+    let elements = solved.stages.last().unwrap().elements;
+    assert!(elements as u64 <= most, "{elements}");
 }
