@@ -7,7 +7,7 @@
 """
 
 from isolux import exceptions
-from isolux._isolux import Progress, __version__
+from isolux._isolux import Picture, Progress, __version__
 from isolux.exceptions import Cancelled, IsoluxError
 from isolux.measures import Measurements, Plane, Points, Surface, measure
 from isolux.photometry import Photometry, read_photometry
@@ -28,6 +28,7 @@ __all__ = [
     "Material",
     "Measurements",
     "Photometry",
+    "Picture",
     "Plane",
     "Points",
     "Progress",

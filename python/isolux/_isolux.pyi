@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 __all__ = [
     "Photometry",
+    "Picture",
     "Progress",
     "Scene",
     "Solution",
@@ -34,6 +35,26 @@ _IssueTuple: TypeAlias = tuple[Literal["note", "warning"], str, str, str]
 _Arrays: TypeAlias = dict[str, NDArray[Any]]
 
 __version__: str
+
+@final
+class Picture:
+    """What stands at the end of a stage or an iteration of a solve that goes on."""
+
+    @property
+    def stage(self) -> int:
+        """Stages (``"wavefront"``) or iterations (``"sequential"``) that are finished."""
+    @property
+    def elements(self) -> int:
+        """Elements."""
+    @property
+    def links(self) -> int:
+        """Links."""
+    @property
+    def error(self) -> float | None:
+        """How wrong it may be, relative to the mean irradiance; None where nothing is claimed yet."""
+    @property
+    def data(self) -> bytes:
+        """As `isolux.Solution.view_data` packs it: all light as one group, less than of a finished solve."""
 
 @final
 class Progress:
@@ -215,7 +236,10 @@ class Solution:
     ) -> tuple[NDArray[np.float64], NDArray[np.uint8]]: ...
 
 def solve(
-    scene: Scene, settings: str, progress: Callable[[Progress], object] | None = None
+    scene: Scene,
+    settings: str,
+    progress: Callable[[Progress], object] | None = None,
+    pictures: Callable[[Picture], object] | None = None,
 ) -> tuple[Solution, BaseException | None]: ...
 def validate_settings(settings: str) -> None: ...
 def default_settings() -> str: ...

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     Arrays = Mapping[str, NDArray[Any]]
     #: What hears of progress, about twenty times a second.
     OnProgress = Callable[[_isolux.Progress], object]
+    OnPicture = Callable[[_isolux.Picture], object]
     #: What hears of a bake of lightmaps.
     OnStage = Callable[[Stage], object]
 
@@ -591,6 +592,7 @@ def solve(
     seed: int | None = None,
     max_iterations: int | None = None,
     progress: OnProgress | None = None,
+    pictures: OnPicture | None = None,
 ) -> Solution:
     """Solve a scene.
 
@@ -623,6 +625,10 @@ def solve(
     progress
         Called with an `isolux.Progress` about twenty times a second; raises KeyboardInterrupt to stop the
         solve. Other exceptions of it stop the solve, too, and come through.
+    pictures
+        Called with an `isolux.Picture` of what stands at the end of stages or iterations, twice a second at
+        most, from another thread; not of the result. ``isolux.viewer.server.ViewServer.picture`` shows them.
+        Changes no bit of the result; its exceptions stop the solve as those of `progress` do.
 
     Returns
     -------
@@ -658,7 +664,7 @@ def solve(
     }
     changes: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
     settings = dataclasses.replace(Settings() if settings is None else settings, **changes)
-    inner, stopped = _isolux.solve(scene._inner, settings._to_json(), progress)
+    inner, stopped = _isolux.solve(scene._inner, settings._to_json(), progress, pictures)
     if stopped is None:
         return Solution._wrap(inner)
     if isinstance(stopped, KeyboardInterrupt):

@@ -72,12 +72,13 @@ def visit(browser):
     """Open an address offline; complaints fail the test in the end."""
     opened = []
 
-    def go(url, *, width=WIDTH, height=HEIGHT, offline=True, **options):
+    def go(url, *, width=WIDTH, height=HEIGHT, offline=True, wait=True, **options):
         context = browser.new_context(viewport={"width": width, "height": height}, offline=offline, **options)
         page = Page(context.new_page())
         opened.append((context, page))
         page.page.goto(str(url))
-        page.ask("0")
+        if wait:
+            page.ask("0")
         return page
 
     yield go
@@ -471,8 +472,68 @@ def test_is_served(visit, solutions):
     try:
         page = visit(server.url, offline=False)
         assert page.ask("v.header.name") == "cornell"
-        assert {url.removeprefix(server.url) for url in page.requests} == {"", "data"}
+        assert {url.removeprefix(server.url) for url in page.requests} == {"", "state", "data"}
         assert page.picture(120, 90).std() > 5
+    finally:
+        server.stop()
+
+
+def test_a_solve_is_watched(visit):
+    """Catches a page that stays at a coarse picture, loses the view, look or point, or never stops asking."""
+    scene, taken = isolux.load(ROOT / "scenes/cornell.glb"), []
+    solution = isolux.solve(scene, error=0.05, pictures=taken.append)
+    # Real pictures of a real solve; here the test says when they come.
+    coarse = taken[0]
+    assert coarse.elements < solution.report.elements
+    server = ViewServer()
+    server.start()
+    try:
+        page = visit(server.url, offline=False, wait=False)
+        page.page.wait_for_selector("text=no picture yet")
+        server.picture(coarse)
+        page.ask("0")
+        assert page.ask("v.header.report.elements") == coarse.elements
+        text = page.page.inner_text("#live")
+        assert f"{coarse.elements:,} elements" in text
+        assert "Stage 1" in text
+        assert "Solving" in text
+        assert not page.page.is_visible("#stages-row")
+        low, high = page.ask("v.header.bounds")
+        eye = page.ask("v.view.eye")
+        middle = [(a + b) / 2 for a, b in zip(low, high, strict=True)]
+        page.ask("v.stand(a[0], a[1], 35)", [[eye[0] + 0.05, eye[1] + 0.05, eye[2]], middle])
+        page.ask("v.setLook({stops: 1.5, wires: true})")
+        seen, before = page.ask("v.view"), page.picture(160, 120)
+        point = page.ask("v.pick(380, 340)")
+        loads = sum(url == server.url for url in page.requests)
+        server.finish(solution.view_data())
+        page.page.wait_for_selector("#live-word:text-is('Solved')")
+        assert page.ask("v.header.report.elements") == solution.report.elements
+        assert sum(url == server.url for url in page.requests) == loads == 1
+        assert page.ask("v.view") == seen
+        assert page.page.input_value("#stops") == "1.5"
+        assert page.page.is_checked("#wires")
+        finer = page.picture(160, 120)
+        assert np.abs(finer - before).max() > 8
+        assert f"claimed error {100 * solution.report.error_estimate.total:.1f}" in page.page.inner_text(
+            "#live-text"
+        )
+        # The point is the same one, in the new light.
+        position = ", ".join(f"{x:.3f}" for x in point["point"])
+        assert position in page.page.inner_text("#point-list")
+        # It has stopped asking.
+        asked = len(page.requests)
+        page.page.wait_for_timeout(800)
+        assert len(page.requests) == asked
+        # The slider leads back, and on again.
+        assert page.page.is_visible("#stages-row")
+        page.page.locator("#stages").fill("0")
+        assert page.ask("v.header.report.elements") == coarse.elements
+        assert "Stage 1" in page.page.inner_text("#live-text")
+        assert page.ask("v.view") == seen
+        page.page.locator("#stages").fill("1")
+        assert page.ask("v.header.report.elements") == solution.report.elements
+        np.testing.assert_array_equal(page.picture(160, 120), finer)
     finally:
         server.stop()
 

@@ -11,12 +11,14 @@ import socket
 import struct
 import subprocess
 import sys
+import time
 from base64 import b64decode, b64encode
 from hashlib import sha256
 from urllib.parse import urlsplit
 
 import pytest
 from conftest import ROOT, in_python
+from conftest import lamp as lamp_box
 
 import isolux
 from isolux.viewer.server import ViewServer
@@ -75,6 +77,93 @@ def test_data_can_be_replaced(server):
     """Catches data that stay what they were while the page is open."""
     server.replace(b"other data")
     assert ask(server, base(server) + "data")[2] == b"other data"
+
+
+def state(server):
+    status, headers, body = ask(server, base(server) + "state")
+    assert (status, headers["Cache-Control"]) == (200, "no-store")
+    return json.loads(body)
+
+
+def test_pictures_of_a_solve_are_served():
+    """Catches a page that misses a picture, or is not told that the solve has ended."""
+    server = ViewServer()
+    server.start()
+    try:
+        assert ask(server, base(server) + "data")[0] == 404
+        assert state(server) == {"number": 0, "live": True, "elements": 0, "done": 0.0}
+        seen = []
+
+        def look(picture):
+            server.picture(picture)
+            _, headers, body = ask(server, base(server) + "data")
+            assert headers["X-Isolux-Picture"] == "1"
+            seen.append((int(headers["X-Isolux-Number"]), body == picture.data, picture.stage))
+
+        solution = isolux.solve(lamp_box(), error=0.05, progress=server.tell, pictures=look)
+        assert seen[0] == (1, True, 1)
+        assert [number for number, _, _ in seen] == list(range(1, len(seen) + 1))
+        assert state(server)["elements"] > 0
+        server.finish(solution.view_data())
+        assert state(server)["number"] == len(seen) + 1
+        assert not state(server)["live"]
+        _, headers, body = ask(server, base(server) + "data")
+        assert (headers["X-Isolux-Picture"], body) == ("0", solution.view_data())
+        assert ask(server, base(server) + "state", Origin="http://evil.example")[0] == 403
+        assert ask(server, "/x/state")[0] == 404
+    finally:
+        server.stop()
+
+
+def test_what_a_look_raises_comes_through():
+    """Catches an error on another thread that nobody hears of."""
+
+    def look(picture):
+        raise LookupError(f"stage {picture.stage}")
+
+    with pytest.raises(LookupError, match="stage 1"):
+        isolux.solve(lamp_box(), error=0.05, pictures=look)
+
+
+@pytest.mark.parametrize("when", ["solving", "solved"])
+def test_a_watched_solve_keeps_its_solution(interruptible, tmp_path, when):
+    """Catches Ctrl-C that loses the solution or does not end the page, and a page that goes too early."""
+    path = tmp_path / "room.isolux"
+    error = "0.002" if when == "solving" else "0.2"
+    scene = ROOT / "scenes/room.glb"
+    arguments = ["solve", scene, "-o", path, "--error", error, "--view", "--no-browser", "--progress", "none"]
+    running = subprocess.Popen(
+        [sys.executable, "-m", "isolux", *map(str, arguments)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        told = ""
+        while (line := running.stderr.readline()) and "http://" not in line:
+            told += line
+        url = re.search(r"http://127\.0\.0\.1:\d+/[\w-]{32}/", line)[0]
+
+        def now():
+            connection = http.client.HTTPConnection(urlsplit(url).netloc, timeout=10)
+            connection.request("GET", urlsplit(url).path + "state")
+            return json.loads(connection.getresponse().read())
+
+        deadline = time.monotonic() + 60
+        while not (now()["number"] > 0 and now()["live"] == (when == "solving")):
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+        assert path.exists() == (when == "solved")
+        running.send_signal(signal.SIGINT)
+        out, _ = running.communicate(timeout=30)
+    finally:
+        running.kill()
+        running.communicate()
+    assert running.returncode == (130 if when == "solving" else 0)
+    assert "Traceback" not in told
+    assert "room" in out
+    solution = isolux.open(path)
+    assert solution.report.status == ("cancelled" if when == "solving" else "converged")
 
 
 def test_only_who_knows_the_token_gets_anything(server):

@@ -42,6 +42,8 @@ export interface Report {
   clusters: number;
   links: { total: number };
   phases: { name: string; seconds: number }[];
+  stages: { estimate: number }[];
+  iterations: { residual: number }[];
   relit: { error_estimate: ErrorEstimate | null; mean_irradiance: Bands } | null;
 }
 

@@ -4,21 +4,53 @@ import { DataError } from "./data";
 
 export type OnLoad = (done: number, total: number) => void;
 
+/** What a command that serves this page says of its data. */
+export interface State {
+  /** Which data it serves: 1 and up, 0 where there are none yet. */
+  number: number;
+  /** Does a solve go on? */
+  live: boolean;
+  /** Elements of that so far. */
+  elements: number;
+  /** Share of the estimated work that is done. */
+  done: number;
+}
+
 /** The bytes of a solution. */
-export async function load(onLoad: OnLoad): Promise<ArrayBuffer> {
+export interface Loaded {
+  buffer: ArrayBuffer;
+  /** The `number` of the state that goes with it. */
+  number: number;
+  /** Is it a picture of a solve that goes on? */
+  isPicture: boolean;
+}
+
+/** Does a command serve this page? */
+export function isServed(): boolean {
+  return document.getElementById("data") === null && location.protocol !== "file:";
+}
+
+export async function state(): Promise<State> {
+  const answer = await fetch("state", { cache: "no-store", credentials: "omit" });
+  if (!answer.ok) throw new DataError(`isolux answered ${answer.status}: is it still running?`);
+  return (await answer.json()) as State;
+}
+
+export async function load(onLoad: OnLoad): Promise<Loaded> {
   const embedded = document.getElementById("data");
   if (embedded !== null) {
     const text = embedded.textContent ?? "";
     // Nothing is kept twice.
     embedded.remove();
-    return inflated(new Blob([decoded(text.trim())]).stream());
+    const buffer = await inflated(new Blob([decoded(text.trim())]).stream());
+    return { buffer, number: 1, isPicture: false };
   }
   if (location.protocol === "file:") {
     throw new DataError("this page holds no solution: isolux view --export makes one that does");
   }
   const answer = await fetch("data", { cache: "no-store", credentials: "omit" });
   if (!answer.ok || answer.body === null) {
-    throw new DataError(`isolux view answered ${answer.status}: is it still running?`);
+    throw new DataError(`isolux answered ${answer.status}: is it still running?`);
   }
   const total = Number(answer.headers.get("Content-Length") ?? 0);
   let done = 0;
@@ -29,7 +61,12 @@ export async function load(onLoad: OnLoad): Promise<ArrayBuffer> {
       out.enqueue(chunk);
     },
   });
-  return new Response(answer.body.pipeThrough(counted)).arrayBuffer();
+  const { headers } = answer;
+  return {
+    buffer: await new Response(answer.body.pipeThrough(counted)).arrayBuffer(),
+    number: Number(headers.get("X-Isolux-Number") ?? 1),
+    isPicture: headers.get("X-Isolux-Picture") === "1",
+  };
 }
 
 async function inflated(stream: ReadableStream<Uint8Array<ArrayBuffer>>): Promise<ArrayBuffer> {

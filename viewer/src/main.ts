@@ -3,7 +3,8 @@
 import "./style.css";
 import { DataError } from "./data";
 import { bytes } from "./format";
-import { load } from "./load";
+import { first, Live } from "./live";
+import { isServed, load } from "./load";
 import { any, element } from "./page";
 import { Viewer } from "./viewer";
 
@@ -17,7 +18,8 @@ declare global {
 async function begin(): Promise<Viewer> {
   const bar = element("notice-bar", HTMLProgressElement);
   try {
-    const buffer = await load((done, total) => {
+    const begun = isServed() ? await first() : null;
+    const loaded = await load((done, total) => {
       if (total > 0) bar.value = done / total;
       any("notice-text").textContent = `Loading ${bytes(done)}${total > 0 ? ` of ${bytes(total)}` : ""}`;
     });
@@ -27,7 +29,8 @@ async function begin(): Promise<Viewer> {
     } catch (error) {
       throw new DataError(`this browser draws no WebGL 2 (${error instanceof Error ? error.message : String(error)})`);
     }
-    viewer.show(buffer);
+    if (begun?.live === true) void new Live(viewer, loaded).follow();
+    else viewer.show(loaded.buffer);
     return viewer;
   } catch (error) {
     bar.hidden = true;

@@ -10,6 +10,7 @@ import { Navigation } from "./navigation";
 import { any, button, element, fill, input, make, select } from "./page";
 import { fitting, PALETTES, type Palette } from "./palette";
 import { Picker, type Ray, type Reading } from "./pick";
+import { claimText, stageText } from "./progress";
 import { linkColour, MOST_DRAWN, Stage, type Look, type Mode } from "./stage";
 import { areaOf, Trees } from "./tree";
 
@@ -23,6 +24,8 @@ interface Solved {
   light: Light;
   picker: Picker;
   links: Links | null;
+  /** Is it a picture of a solve that goes on? */
+  isPicture: boolean;
 }
 
 const UNITS = {
@@ -75,9 +78,13 @@ export class Viewer {
     this.wire();
   }
 
-  /** Shows a solution. Of the one before, the view, the look and the weights of lights with the same names stay. */
-  show(buffer: ArrayBuffer): void {
+  /**
+   * Shows a solution, or a picture of a solve that goes on. Of the one before, the view, the look and the weights of lights with
+   * the same names stay, and the picked point, if the scene is the same. `exposedAs`: data whose exposure is used.
+   */
+  show(buffer: ArrayBuffer, { isPicture = false, exposedAs = buffer } = {}): void {
     const data = new ViewData(buffer);
+    if (exposedAs !== buffer) data.header.exposure = new ViewData(exposedAs).header.exposure;
     const trees = new Trees(data);
     const light = new Light(data, trees);
     const before = this.solved;
@@ -87,7 +94,8 @@ export class Viewer {
     });
     light.mix();
     const picker = new Picker(data, trees, light);
-    this.solved = { data, trees, light, picker, links: Links.of(data, trees, light) };
+    this.solved = { data, trees, light, picker, links: Links.of(data, trees, light), isPicture };
+    const { picked } = this;
     this.drop();
     this.stage.show(data, trees, light);
     this.navigation.begin(data.header);
@@ -96,9 +104,24 @@ export class Viewer {
       this.fit();
       this.navigation.preset(data.header.cameras[0]!, data.header);
     }
+    if (picked !== null && before?.data.header.scene_hash === data.header.scene_hash) {
+      // Elements have other numbers now: it is looked up again.
+      const root = trees.rootPolygon.indexOf(picked.polygon);
+      if (root >= 0) this.picked = picker.read(root, picked.point);
+    }
     this.apply();
     this.relit();
     any("notice").hidden = true;
+  }
+
+  /** One line about data: how far the solve was. */
+  describeStage(buffer: ArrayBuffer, isPicture: boolean): string {
+    const { report } = new ViewData(buffer).header;
+    const { stages, iterations, error_estimate } = report;
+    const steps = stages.length > 0 ? stages.length : iterations.length;
+    const last = stages[stages.length - 1];
+    const claim = claimText(error_estimate?.total ?? null, last?.estimate ?? null);
+    return `${isPicture ? "" : "Result: "}${stageText(steps, iterations.length === 0, report.elements, claim)}`;
   }
 
   // What is asked from outside, by tests and by people who script the page.
@@ -448,7 +471,7 @@ export class Viewer {
   // The page.
 
   private describe(): void {
-    const { data, trees, light } = this.known();
+    const { data, trees, light, isPicture } = this.known();
     const { header } = data;
     const { report } = header;
     const units = UNITS[header.unit];
@@ -460,15 +483,17 @@ export class Viewer {
       make("option", `${units.luminanceName}, ${units.luminance}`, { value: "luminance" }),
     );
     const title = (name: string): string => (name === "overview" ? "Overview" : name);
+    const camera = select("cameras").value;
     select("cameras").replaceChildren(
       ...header.cameras.map((camera, row) => make("option", title(camera.name), { value: String(row) })),
     );
+    if (header.cameras[Number(camera)] !== undefined) select("cameras").value = String(Number(camera));
     any("cameras-row").hidden = header.cameras.length < 2;
     any("groups").replaceChildren(...header.groups.map((group, row) => this.groupRow(group.name, row)));
     const time = report.phases.reduce((sum, phase) => sum + phase.seconds, 0);
     const estimate = report.error_estimate;
     const rows: [string, string][] = [
-      ["Status", report.bound === null ? report.status : `${report.status} (${report.bound})`],
+      ["Status", isPicture ? "not finished" : report.bound === null ? report.status : `${report.status} (${report.bound})`],
       ["Asked error", percent(report.settings.error)],
       ["Claimed error", estimate === null ? "not known" : percent(estimate.total)],
     ];

@@ -20,7 +20,7 @@ mod _isolux {
     #[pymodule_export]
     use crate::error::error_samples;
     #[pymodule_export]
-    use crate::observer::Progress;
+    use crate::observer::{Picture, Progress};
     #[pymodule_export]
     use crate::photometry::Photometry;
     #[pymodule_export]

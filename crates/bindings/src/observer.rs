@@ -1,8 +1,11 @@
 //! The way back to Python while Rust works: twenty times a second, and whenever a phase begins, it hears Ctrl-C and
 //! tells the progress.
 
+use isolux::Onlooker;
 use isolux::core::solution::{self as core, Flow, Phase};
 use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Between two calls of Python: Ctrl-C feels immediate, and taking the interpreter's lock costs nothing that counts.
@@ -46,23 +49,78 @@ fn phase_name(phase: Phase) -> &'static str {
     }
 }
 
+/// What stands at the end of a stage or an iteration of a solve, for `isolux.viewer`.
+#[pyclass(frozen, get_all, module = "isolux")]
+pub(crate) struct Picture {
+    stage: u32,
+    elements: u64,
+    links: u64,
+    error: Option<f64>,
+    data: Py<PyBytes>,
+}
+
+#[pymethods]
+impl Picture {
+    fn __repr__(&self) -> String {
+        let Picture { stage, elements, links, .. } = self;
+        let error = self.error.map_or("None".to_owned(), |error| format!("{error:.4}"));
+        format!("Picture(stage={stage}, elements={elements}, links={links}, error={error})")
+    }
+}
+
+/// What a callback raised on another thread than the one that watches the computation.
+pub(crate) type Raised = Arc<Mutex<Option<PyErr>>>;
+
+/// Calls Python with each picture until it raises; what it raised is then in `raised`, where a [`PythonObserver`] finds it.
+pub(crate) fn onlooker(callback: Py<PyAny>, raised: Raised) -> Onlooker {
+    Box::new(move |picture| {
+        let mut raised = raised.lock().unwrap_or_else(PoisonError::into_inner);
+        if raised.is_some() {
+            return;
+        }
+        let isolux::Picture { stage, elements, links, error, data } = picture;
+        let called = Python::attach(|py| {
+            let data = PyBytes::new(py, &data).unbind();
+            callback.call1(py, (Picture { stage, elements, links, error, data },)).map(|_| ())
+        });
+        *raised = called.err();
+    })
+}
+
 /// Asks Python whether to go on.
 pub(crate) struct PythonObserver {
     callback: Option<Py<PyAny>>,
     last: Option<(Instant, Phase)>,
+    /// What was raised elsewhere.
+    elsewhere: Raised,
     /// What the signal handler or the callback raised; the computation was told to stop then.
     pub(crate) raised: Option<PyErr>,
 }
 
 impl PythonObserver {
     pub(crate) fn new(callback: Option<Py<PyAny>>) -> PythonObserver {
-        PythonObserver { callback, last: None, raised: None }
+        PythonObserver { callback, last: None, elsewhere: Raised::default(), raised: None }
+    }
+
+    /// Where another thread may leave what it raised: the computation is told to stop then, too.
+    pub(crate) fn elsewhere(&self) -> Raised {
+        self.elsewhere.clone()
+    }
+
+    /// What stopped the computation, or was raised elsewhere when it had ended already.
+    pub(crate) fn into_raised(self) -> Option<PyErr> {
+        self.raised.or_else(|| self.elsewhere.lock().unwrap_or_else(PoisonError::into_inner).take())
     }
 }
 
 impl core::Observer for PythonObserver {
     fn observe(&mut self, progress: &core::Progress) -> Flow {
         if self.raised.is_some() {
+            return Flow::Stop;
+        }
+        // Who holds it calls Python just now, and may wait for this thread: that is asked again soon.
+        if let Some(raised) = self.elsewhere.try_lock().ok().and_then(|mut raised| raised.take()) {
+            self.raised = Some(raised);
             return Flow::Stop;
         }
         // A phase is told at once, however short it is.

@@ -2,7 +2,7 @@
 
 use crate::array::{entries, from_record_array, read_only, rows, same_length, to_record_array, wrong_shape};
 use crate::error::{SolutionFileError, WriteError, internal, to_python};
-use crate::observer::PythonObserver;
+use crate::observer::{PythonObserver, onlooker};
 use crate::panics::guarded;
 use crate::scene::Scene;
 use crate::waiting::{interruptible, stoppable};
@@ -35,20 +35,22 @@ pub(crate) struct Solution {
 }
 
 /// Solves a scene. Returns the solution and what stopped it early: the exception that a signal handler or `progress`
-/// raised, or None.
+/// raised, or None. `pictures` is called with each picture of it, from another thread; what that raises stops the solve, too.
 #[pyfunction]
-#[pyo3(signature = (scene, settings, progress=None))]
+#[pyo3(signature = (scene, settings, progress=None, pictures=None))]
 pub(crate) fn solve(
     py: Python<'_>,
     scene: &Scene,
     settings: &str,
     progress: Option<Py<PyAny>>,
+    pictures: Option<Py<PyAny>>,
 ) -> PyResult<(Solution, Option<Py<PyAny>>)> {
     let settings = crate::settings::parse(settings)?;
     let mut observer = PythonObserver::new(progress);
     let scene = scene.inner.clone();
-    let solution = guarded(py, || isolux::solve(scene, &settings, &mut observer))?.map_err(to_python)?;
-    let raised = observer.raised.map(|error| error.into_value(py).into_any());
+    let look = pictures.map(|callback| onlooker(callback, observer.elsewhere()));
+    let solution = guarded(py, || isolux::solve_seen(scene, &settings, &mut observer, look))?.map_err(to_python)?;
+    let raised = observer.into_raised().map(|error| error.into_value(py).into_any());
     Ok((Solution { inner: Arc::new(solution) }, raised))
 }
 
@@ -325,8 +327,8 @@ impl Solution {
         field_bytes: Option<usize>,
     ) -> PyResult<Bound<'py, PyBytes>> {
         let usual = ViewLimits::default();
-        let limits =
-            ViewLimits { links: links.unwrap_or(usual.links), field_bytes: field_bytes.unwrap_or(usual.field_bytes) };
+        let (links, field_bytes) = (links.unwrap_or(usual.links), field_bytes.unwrap_or(usual.field_bytes));
+        let limits = ViewLimits { links, field_bytes, ..usual };
         let solution = self.inner.clone();
         let bytes = interruptible(py, move || solution.view_data(&limits))?;
         Ok(PyBytes::new(py, &bytes))

@@ -5,6 +5,7 @@ pub mod flat;
 mod groups;
 mod measure;
 mod pace;
+mod pictures;
 mod record;
 mod relight;
 mod render;
@@ -25,6 +26,7 @@ pub use isolux_core as core;
 pub use isolux_formats as formats;
 pub use isolux_photometry as photometry;
 pub use measure::{MeasureSettings, Received, looks, measure};
+pub use pictures::{Onlooker, Picture};
 pub use record::{Array, Data, Record};
 pub use relight::Changes;
 pub use render::{RenderSettings, View, render};
@@ -39,7 +41,7 @@ pub use isolux_wavefront::{
     ClusterColumns, Control, LinkColumns, Meeting, NO_GROUP, Outlook, PointErrors, Receiver, Tracer,
 };
 pub use solution::Solution;
-pub use solve::solve;
+pub use solve::{solve, solve_seen};
 pub use texels::{Texel, TexelSettings};
 pub use view::ViewLimits;
 pub use wavefront::{Columns, Transported};

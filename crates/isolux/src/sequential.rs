@@ -1,9 +1,10 @@
 //! The schedule `sequential`: the paper's method on a scene, one pair of elements after the other, in iterations; a
 //! solution with BSP tree, links and smooth surfaces goes out.
 
-use crate::report::RowSum;
+use crate::pictures::{Job, Packer};
+use crate::report::{PhaseReport, RowSum};
 use crate::solve::{Stopwatch, report};
-use crate::{Energy, IterationReport, Report, Settings, Solution, SolveError, Status, smooth};
+use crate::{Energy, IterationReport, Onlooker, Report, Settings, Solution, SolveError, Status, smooth};
 use isolux_core::kernels::Counts;
 use isolux_core::kernels::oracle::Thresholds;
 use isolux_core::kernels::visibility::Sampling;
@@ -80,7 +81,9 @@ pub(crate) fn solve(
     scene: Arc<Scene>,
     settings: &Settings,
     observer: &mut dyn Observer,
+    onlooker: Option<Onlooker>,
 ) -> Result<Solution, SolveError> {
+    let mut packer = Packer::start(onlooker)?;
     let mut watch = Stopwatch::start();
     let mut part = Part { observer, from: 0.0, to: TREE_SHARE, stopped: false };
     let mut cut = Counts::default();
@@ -136,6 +139,7 @@ pub(crate) fn solve(
             visibilities: solver.probe.visibilities - before,
             seconds: since.elapsed().as_secs_f64(),
         });
+        packer.offer(|| standing(&scene, settings, bsp, &solver, &iterations));
         if iteration.converged {
             status = Status::Converged;
             break;
@@ -184,6 +188,7 @@ pub(crate) fn solve(
     summarise(&scene, &hierarchy, &active, &mut report);
     watch.lap("report");
     report.phases = watch.phases;
+    packer.finish();
     Ok(Solution {
         bsp: made(tree),
         tracer: OnceLock::new(),
@@ -194,6 +199,38 @@ pub(crate) fn solve(
         vertex_irradiance: vertex_irradiance.unwrap_or_default(),
         transport: None,
         report,
+    })
+}
+
+/// Copies what stands at the end of an iteration: vertices get means of the leaves around them.
+fn standing(
+    scene: &Arc<Scene>,
+    settings: &Settings,
+    bsp: &Bsp,
+    solver: &Solver<'_, Counts>,
+    iterations: &[IterationReport],
+) -> Job {
+    let hierarchy = solver.hierarchy().clone();
+    let (scene, settings, bsp, iterations) = (scene.clone(), settings.clone(), bsp.clone(), iterations.to_vec());
+    Box::new(move || {
+        let active: Vec<bool> = (0..scene.polygons.len()).map(|polygon| polygon < scene.fronts).collect();
+        let Hierarchy { elements, light, .. } = &hierarchy;
+        let seconds = iterations.iter().map(|iteration| iteration.seconds).sum();
+        let phases = vec![PhaseReport { name: "so far".into(), seconds }];
+        let mut report =
+            Report { iterations, phases, ..report(&scene, &settings, Status::Cancelled, elements, light, &active) };
+        summarise(&scene, &hierarchy, &active, &mut report);
+        Solution {
+            bsp: made(Some(bsp)),
+            tracer: OnceLock::new(),
+            scene,
+            hierarchy,
+            active,
+            surfaces: OnceLock::new(),
+            vertex_irradiance: Vec::new(),
+            transport: None,
+            report,
+        }
     })
 }
 

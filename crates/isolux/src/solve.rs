@@ -2,7 +2,9 @@
 //! put together here.
 
 use crate::report::{LinkReport, PhaseReport};
-use crate::{Report, Schedule, Settings, SettingsError, Solution, SolveError, Status, VERSION, sequential, wavefront};
+use crate::{
+    Onlooker, Report, Schedule, Settings, SettingsError, Solution, SolveError, Status, VERSION, sequential, wavefront,
+};
 use isolux_core::scene::Scene;
 use isolux_core::solution::{Light, Observer};
 use isolux_core::tree::{ElementId, Elements};
@@ -16,15 +18,30 @@ use std::time::Instant;
 /// # Errors
 /// [`SolveError`] for settings out of range, scenes without light, and lamps that the schedule does not know.
 pub fn solve(scene: Arc<Scene>, settings: &Settings, observer: &mut dyn Observer) -> Result<Solution, SolveError> {
+    solve_seen(scene, settings, observer, None)
+}
+
+/// Solves `scene` as [`solve`] does, to the last bit, and shows `onlooker` what stands at the end of stages and iterations: at
+/// most one picture in half a second, none while the one before is still being looked at, and none once this has returned. A
+/// solve that is bounded in time has less of it.
+///
+/// # Errors
+/// As [`solve`].
+pub fn solve_seen(
+    scene: Arc<Scene>,
+    settings: &Settings,
+    observer: &mut dyn Observer,
+    onlooker: Option<Onlooker>,
+) -> Result<Solution, SolveError> {
     settings.validate()?;
     if scene.emitted_power() == Rgb::ZERO && scene.lamps.is_empty() {
         return Err(SolveError::NoLight { scene: scene.name.clone() });
     }
     match settings.schedule {
-        Schedule::Wavefront => wavefront::solve(scene, settings, observer),
+        Schedule::Wavefront => wavefront::solve(scene, settings, observer, onlooker),
         Schedule::Sequential => {
             check_lamps(&scene, settings.schedule.name())?;
-            sequential::solve(scene, settings, observer)
+            sequential::solve(scene, settings, observer, onlooker)
         }
     }
 }

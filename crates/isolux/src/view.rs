@@ -66,12 +66,14 @@ pub struct ViewLimits {
     pub links: usize,
     /// Most bytes of fields, 60 for each leaf and light group: where they would be more, points are read off the mesh.
     pub field_bytes: usize,
+    /// Is light shown by group, which may have to be made first? Else all of it is one column.
+    pub groups: bool,
 }
 
 impl Default for ViewLimits {
-    /// 4 million links and 256 MB of fields: what a browser takes without thinking.
+    /// 4 million links, 256 MB of fields, and groups: what a browser takes without thinking.
     fn default() -> ViewLimits {
-        ViewLimits { links: 4_000_000, field_bytes: 256 << 20 }
+        ViewLimits { links: 4_000_000, field_bytes: 256 << 20, groups: true }
     }
 }
 
@@ -212,7 +214,7 @@ impl Solution {
     pub fn view_data(&self, limits: &ViewLimits) -> Vec<u8> {
         let scene = &*self.scene;
         let Hierarchy { elements, light, .. } = &self.hierarchy;
-        let shown = self.shown();
+        let shown = self.shown(limits.groups);
         let mesh = self.mesh();
         let (low, high) = bounds(scene);
         let origin = (low + high) * 0.5;
@@ -296,11 +298,13 @@ impl Solution {
         pack(&header, &body.bytes)
     }
 
-    /// The light by groups where it can be had, else all of it as one column. Makes the mesh where it is not there yet.
-    fn shown(&self) -> Shown {
+    /// The light by groups where that is asked for and can be had, else all of it as one column. Makes the mesh where it is not
+    /// there yet.
+    fn shown(&self, by_groups: bool) -> Shown {
         let scene = &*self.scene;
         let Hierarchy { elements, light, .. } = &self.hierarchy;
-        let columns = self.transport.as_ref().and_then(|transport| Some((transport, self.columns().ok()?)));
+        let transport = self.transport.as_ref().filter(|_| by_groups);
+        let columns = transport.and_then(|transport| Some((transport, self.columns().ok()?)));
         let Some((transport, columns)) = columns else {
             // What emits is dimmed as one.
             let of = scene.polygons.iter().map(|polygon| if polygon.emission == Rgb::ZERO { NO_GROUP } else { 0 });

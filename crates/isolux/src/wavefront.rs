@@ -2,9 +2,10 @@
 //! beyond elements and light, and the invariants of it.
 
 use crate::groups::{LightGroups, light_groups};
+use crate::pictures::Packer;
 use crate::report::{ErrorEstimate, GroupsReport, LinkReport, PhaseReport, RowSum, StageReport};
 use crate::solve::report;
-use crate::{Energy, Report, Settings, SettingsError, Solution, SolveError, Status};
+use crate::{Energy, Onlooker, Report, Settings, SettingsError, Solution, SolveError, Status};
 use isolux_core::links::{Hierarchy, Links};
 use isolux_core::scene::Scene;
 use isolux_core::solution::{Flow, Light, Observer, Phase, Progress, Update};
@@ -83,6 +84,7 @@ pub(crate) fn solve(
     scene: Arc<Scene>,
     settings: &Settings,
     observer: &mut dyn Observer,
+    onlooker: Option<Onlooker>,
 ) -> Result<Solution, SolveError> {
     let request = Request {
         error: settings.error,
@@ -94,13 +96,19 @@ pub(crate) fn solve(
         time: settings.time,
         ideas: Ideas::default(),
     };
-    let finished = run(&scene, settings.threads, request, observer)?.unwrap_or_else(|| bare(&scene));
-    let start = Instant::now();
-    let Finished { outcome, active, stages, estimate, energy, row_sum, mut status, bound, mut phases } = finished;
-    let done = Progress { done: 1.0, links: outcome.links.receiver.len(), ..Progress::of(Phase::Iteration) };
-    if status != Status::Cancelled && observer.observe(&done) == Flow::Stop {
-        status = Status::Cancelled;
+    let packer = Packer::start(onlooker)?;
+    let mut finished = run(&scene, settings, request, observer, packer)?.unwrap_or_else(|| bare(&scene));
+    let done = Progress { done: 1.0, links: finished.outcome.links.receiver.len(), ..Progress::of(Phase::Iteration) };
+    if finished.status != Status::Cancelled && observer.observe(&done) == Flow::Stop {
+        finished.status = Status::Cancelled;
     }
+    Ok(put_together(scene, settings, finished))
+}
+
+/// A solution of what came back from the engine.
+fn put_together(scene: Arc<Scene>, settings: &Settings, finished: Finished) -> Solution {
+    let start = Instant::now();
+    let Finished { outcome, active, stages, estimate, energy, row_sum, status, bound, mut phases } = finished;
     let is_whole = status != Status::Cancelled;
     let Outcome { elements, light, fields, links, clusters, limit } = outcome;
     let (links, clusters) = (Arc::new(in_order(links)), Arc::new(clusters));
@@ -129,7 +137,7 @@ pub(crate) fn solve(
     };
     phases.push(PhaseReport { name: "report".into(), seconds: start.elapsed().as_secs_f64() });
     report.phases = phases;
-    Ok(solution(scene, elements, light, active, transport, report))
+    solution(scene, elements, light, active, transport, report)
 }
 
 /// A solution of the engine from its parts: tree and mesh are made when they are asked for.
@@ -158,9 +166,10 @@ pub(crate) fn solution(
 /// what its last whole stage had. `None` where it was never begun.
 fn run(
     scene: &Arc<Scene>,
-    threads: usize,
+    settings: &Settings,
     request: Request,
     observer: &mut dyn Observer,
+    packer: Packer,
 ) -> Result<Option<Finished>, SolveError> {
     let state = Progress { elements: scene.polygons.len(), ..Progress::of(Phase::Tree) };
     if observer.observe(&state) == Flow::Stop {
@@ -168,16 +177,17 @@ fn run(
     }
     let refused = |_| SettingsError::Value {
         name: "threads",
-        value: threads.to_string(),
+        value: settings.threads.to_string(),
         expected: "as many threads as the system grants",
     };
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(refused)?;
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(settings.threads).build().map_err(refused)?;
     let (sender, receiver) = channel();
     let scene = scene.clone();
     let control = Arc::new(Control::default());
     let shared = control.clone();
+    let settings = settings.clone();
     pool.spawn(move || {
-        let finished = catch_unwind(AssertUnwindSafe(|| work(&scene, &request, &shared)));
+        let finished = catch_unwind(AssertUnwindSafe(|| work(&scene, &settings, &request, &shared, packer)));
         // Nobody may be there any more to take it.
         let _ = sender.send(finished);
     });
@@ -198,18 +208,36 @@ fn run(
     }
 }
 
-fn work(scene: &Arc<Scene>, request: &Request, control: &Control) -> Finished {
+fn work(scene: &Arc<Scene>, settings: &Settings, request: &Request, control: &Control, mut packer: Packer) -> Finished {
     let begun = Instant::now();
     let prepared = Prepared::new(scene.clone());
     let tree = begun.elapsed().as_secs_f64();
-    let solved = prepared.solve(request, control);
+    let solved = prepared.solve_seen(request, control, &mut |standing| {
+        packer.offer(|| {
+            let seconds = begun.elapsed().as_secs_f64();
+            let (outcome, stages, estimate) = (standing.outcome(scene), standing.stages.to_vec(), standing.estimate);
+            let (scene, settings) = (scene.clone(), settings.clone());
+            Box::new(move || {
+                let finished = Finished {
+                    active: active(&scene, &outcome),
+                    outcome,
+                    stages,
+                    estimate,
+                    energy: None,
+                    row_sum: None,
+                    status: Status::Cancelled,
+                    bound: None,
+                    phases: vec![PhaseReport { name: "so far".into(), seconds }],
+                };
+                put_together(scene, &settings, finished)
+            })
+        });
+    });
     let start = Instant::now();
     let outcome = solved.outcome(scene);
     let numbered = start.elapsed().as_secs_f64();
     let start = Instant::now();
-    let takes_part =
-        |polygon: usize| polygon < scene.fronts || outcome.light.irradiance(ElementId(polygon as u32)) != Rgb::ZERO;
-    let active: Vec<bool> = (0..scene.polygons.len()).map(takes_part).collect();
+    let active = active(scene, &outcome);
     let status = status_of(solved.bound);
     let (mut energy, mut row_sum) = (None, None);
     if status != Status::Cancelled {
@@ -230,7 +258,15 @@ fn work(scene: &Arc<Scene>, request: &Request, control: &Control) -> Finished {
     let phases = phases.map(|(name, seconds)| PhaseReport { name: name.to_owned(), seconds }).to_vec();
     let bound = solved.bound.and_then(setting_of);
     let estimate = solved.estimate;
+    packer.finish();
     Finished { outcome, active, stages, estimate, energy, row_sum, status, bound, phases }
+}
+
+/// Which polygons take part: fronts, and backs that light comes to.
+fn active(scene: &Scene, outcome: &Outcome) -> Vec<bool> {
+    let takes_part =
+        |polygon: usize| polygon < scene.fronts || outcome.light.irradiance(ElementId(polygon as u32)) != Rgb::ZERO;
+    (0..scene.polygons.len()).map(takes_part).collect()
 }
 
 /// What a bound that ended the engine means to a user.

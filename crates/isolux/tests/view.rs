@@ -7,10 +7,13 @@ mod common;
 use common::{draft, lit_box, paper, scene, shipped, solved};
 use isolux::core::DVec3;
 use isolux::core::links::Hierarchy;
+use isolux::core::solution::Unobserved;
 use isolux::core::tree::ElementId;
 use isolux::core::units::Rgb;
-use isolux::{Changes, Solution, ViewLimits};
+use isolux::{Changes, Picture, Settings, Solution, ViewLimits};
 use serde_json::Value;
+use std::sync::mpsc::{TryRecvError, channel};
+use std::time::Instant;
 
 /// Data taken apart again, by the layout alone.
 struct View {
@@ -20,7 +23,10 @@ struct View {
 
 impl View {
     fn of(solution: &Solution, limits: &ViewLimits) -> View {
-        let bytes = solution.view_data(limits);
+        View::read(&solution.view_data(limits))
+    }
+
+    fn read(bytes: &[u8]) -> View {
         assert_eq!(&bytes[..8], b"isoluxvw");
         let word = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap());
         assert_eq!(word(12), 1);
@@ -188,7 +194,7 @@ fn fields_are_those_of_the_leaves() {
 fn what_is_too_much_is_left_out_and_told() {
     let solution = solved(&scene(lit_box(0.5)), &draft());
     let all = View::of(&solution, &ViewLimits::default());
-    let some = View::of(&solution, &ViewLimits { links: 3, field_bytes: 100 });
+    let some = View::of(&solution, &ViewLimits { links: 3, field_bytes: 100, groups: true });
     assert_eq!(all.header["left_out"], serde_json::json!({}));
     for name in ["links", "fields"] {
         assert!(some.header["left_out"][name].as_str().unwrap().contains("more than"), "{}", some.header["left_out"]);
@@ -205,4 +211,40 @@ fn what_is_too_much_is_left_out_and_told() {
         assert!(half[triangle] == 0.0 || element.corners.len() == 4);
     }
     assert!(half.contains(&1.0) && half.contains(&2.0));
+}
+
+/// Catches a solve that comes out otherwise because somebody looked; pictures that do not come, come in another order, are not
+/// what stands, or come twice as often as they should.
+#[test]
+fn pictures_of_a_solve_show_it_and_change_nothing() {
+    let scene = scene(lit_box(0.5));
+    let finer = Settings { error: 0.02, ..draft() };
+    for settings in [finer, paper()] {
+        let (sender, receiver) = channel();
+        let onlooker = Box::new(move |picture: Picture| sender.send(picture).unwrap());
+        let begun = Instant::now();
+        let seen = isolux::solve_seen(scene.clone(), &settings, &mut Unobserved, Some(onlooker)).unwrap();
+        let most = 1 + (begun.elapsed().as_secs_f64() / 0.5) as usize;
+        // All are there once it has returned, and no more will come.
+        let pictures: Vec<Picture> = receiver.try_iter().collect();
+        assert_eq!(receiver.try_recv().err(), Some(TryRecvError::Disconnected));
+        assert!(!pictures.is_empty() && pictures.len() <= most, "{} pictures", pictures.len());
+        assert_eq!(pictures[0].stage, 1);
+        assert!(pictures.is_sorted_by_key(|picture| (picture.stage, picture.elements)));
+        let view = View::read(&pictures[0].data);
+        assert_eq!(view.header["report"]["status"], "cancelled");
+        assert_eq!(view.header["report"]["elements"], pictures[0].elements);
+        assert_eq!(view.header["groups"].as_array().unwrap().len(), 1);
+        let unseen = solved(&scene, &settings);
+        let first = unseen.report();
+        let elements = first.stages.first().map(|stage| stage.elements);
+        let elements = elements.or_else(|| first.iterations.first().map(|iteration| iteration.elements));
+        assert_eq!(Some(pictures[0].elements), elements);
+        let values = |solution: &Solution| solution.hierarchy().light.radiosities().to_vec();
+        assert_eq!(values(&seen), values(&unseen));
+        assert_eq!(seen.mesh().irradiance, unseen.mesh().irradiance);
+        if let (Some(seen), Some(unseen)) = (seen.transport(), unseen.transport()) {
+            assert_eq!((&seen.fields, &seen.links), (&unseen.fields, &unseen.links));
+        }
+    }
 }

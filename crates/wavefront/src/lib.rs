@@ -56,8 +56,8 @@ pub use final_gather::FinalGather;
 pub use groups::{Columns, NO_GROUP};
 pub use ideas::Ideas;
 pub use outcome::{
-    ClusterColumns, LinkColumns, Outcome, irradiance_at, irradiance_in, light_of, mean_factor, mean_irradiance_in,
-    signed_irradiance_in,
+    ClusterColumns, LinkColumns, Outcome, Standing, irradiance_at, irradiance_in, light_of, mean_factor,
+    mean_irradiance_in, signed_irradiance_in,
 };
 pub use outlook::Outlook;
 pub use receiver::Receiver;

@@ -1,10 +1,11 @@
 //! What a solve leaves behind, in the terms of the rest of the system: quadtrees, light, links and clusters by number.
 
-use crate::geometry::NONE;
+use crate::geometry::{Geometry, NONE};
 use crate::leaves::is_whole;
-use crate::light::{Field, mean};
+use crate::light::{self, Field, mean};
 use crate::link::{CLUSTER, State};
-use crate::solve::Solved;
+use crate::rounds::Transport;
+use crate::solve::{Estimate, Solved, Stage};
 use isolux_core::DVec3;
 use isolux_core::scene::{Corners, Scene};
 use isolux_core::solution::{Light, Update};
@@ -81,6 +82,28 @@ impl Solved {
     }
 
     /// Everything by number.
+    #[must_use]
+    pub fn outcome(&self, scene: &Scene) -> Outcome {
+        let Solved { geometry, transport, light, limit, .. } = self;
+        Standing { geometry, transport, light, stages: &self.stages, estimate: self.estimate, limit: *limit }
+            .outcome(scene)
+    }
+}
+
+/// What stands at the end of a stage, for whoever watches a solve that goes on.
+pub struct Standing<'a> {
+    pub(crate) geometry: &'a Geometry,
+    pub(crate) transport: &'a Transport,
+    pub(crate) light: &'a light::Light,
+    pub(crate) limit: f32,
+    /// The stages so far.
+    pub stages: &'a [Stage],
+    /// How wrong it may be; none where rays were not asked yet.
+    pub estimate: Option<Estimate>,
+}
+
+impl Standing<'_> {
+    /// A copy of everything by number: what the solve would leave behind if it ended here.
     #[must_use]
     pub fn outcome(&self, scene: &Scene) -> Outcome {
         let own = &self.transport.elements;

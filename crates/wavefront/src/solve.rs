@@ -9,6 +9,7 @@ use crate::ideas::Ideas;
 use crate::light::{Light, add, bands, rms};
 use crate::link::CLUSTER;
 use crate::order::Order;
+use crate::outcome::Standing;
 use crate::rays::RAYS;
 use crate::rounds::{Limit, Transport};
 use isolux_core::scene::Scene;
@@ -189,6 +190,13 @@ impl Prepared {
     /// Solves.
     #[must_use]
     pub fn solve(&self, request: &Request, control: &Control) -> Solved {
+        self.solve_seen(request, control, &mut |_| ())
+    }
+
+    /// Solves, and shows what stands at the end of each stage but those that [`Control::stop`] cut short. The solve waits while
+    /// it is looked at, which counts as no stage's time but brings the deadline nearer, and is otherwise the same.
+    #[must_use]
+    pub fn solve_seen(&self, request: &Request, control: &Control, see: &mut dyn FnMut(&Standing<'_>)) -> Solved {
         let start = Instant::now();
         let Prepared { geometry, clusters } = self;
         let in_triangles = (!request.ideas.parallelograms).then(|| Arc::new(geometry.in_triangles()));
@@ -326,6 +334,14 @@ impl Prepared {
             });
             budget.rest = stages.last().map_or(0.0, foreseen);
             estimate = now.or(estimate);
+            see(&Standing {
+                geometry,
+                transport: &transport,
+                light: &light,
+                limit: settled,
+                stages: &stages,
+                estimate,
+            });
             let dark_left = now.is_some_and(|now| request.dark.is_some_and(|asked| now.dark > MARGIN * asked));
             if bound.is_some() || now.is_some_and(|now| now.total <= MARGIN * request.error && !dark_left) {
                 break;

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -27,6 +28,13 @@ from isolux.cli.options import (
 )
 from isolux.cli.progress import showing
 from isolux.cli.terminal import interrupts, say, show
+from isolux.cli.view import live
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from isolux import Progress
+    from isolux.viewer.server import ViewServer
 
 __all__ = ["solve"]
 
@@ -68,6 +76,16 @@ def solve(
     north: NorthOption = 0.0,
     json: JsonTarget = None,
     progress: ProgressOption = "auto",
+    view: Annotated[
+        bool,
+        typer.Option("--view", help="Watch it in a browser while it runs; the page then stays until Ctrl-C."),
+    ] = False,
+    browser: Annotated[
+        bool,
+        typer.Option(
+            "--browser/--no-browser", help="With --view: open a browser, or only print the address."
+        ),
+    ] = True,
     dark: Annotated[
         float | None,
         typer.Option(
@@ -190,6 +208,8 @@ def solve(
 
         isolux solve room.glb -o room.isolux --quality preview -j 2
 
+        isolux solve room.glb -o room.isolux --view
+
         isolux solve room.obj --units cm -o room.isolux --error 0.02 --json report.json
 
         isolux solve room.glb -o room.isolux --error 0.01 --time 2m --memory 2G
@@ -235,16 +255,34 @@ def solve(
         loaded = load_scene(scene, units, light_units, lamps, sun, north)
         _tell_of_issues(loaded)
         say(tables.power(loaded))
-        hand.keep()
-        try:
-            with showing(progress) as hear:
-                solution = isolux.solve(loaded, settings, progress=hand.hearing(hear))
-        except isolux.Cancelled as cancelled:
-            if cancelled.solution is None or hand.presses > 1:
-                raise KeyboardInterrupt from None
-            solution = cancelled.solution
-        solution.save(out)
-        return _show(solution, out, json)
+        with live(browser=browser) if view else nullcontext() as watched:
+            hand.keep()
+            server = None if watched is None else watched.server
+            try:
+                with showing(progress) as hear:
+                    told = hand.hearing(hear if server is None else _telling(server, hear))
+                    pictures = None if server is None else server.picture
+                    solution = isolux.solve(loaded, settings, progress=told, pictures=pictures)
+            except isolux.Cancelled as cancelled:
+                if cancelled.solution is None or hand.presses > 1:
+                    raise KeyboardInterrupt from None
+                solution = cancelled.solution
+            solution.save(out)
+            code = _show(solution, out, json)
+            if watched is not None:
+                watched.stay(solution, hand)
+            return code
+
+
+def _telling(server: ViewServer, show: Callable[[Progress], None] | None) -> Callable[[Progress], None]:
+    """Give what tells both the page and whoever shows progress."""
+
+    def tell(state: Progress) -> None:
+        server.tell(state)
+        if show is not None:
+            show(state)
+
+    return tell
 
 
 def _show(solution: isolux.Solution, out: Path, json: str | None) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import sys
 import threading
 import webbrowser
 from contextlib import contextmanager
@@ -20,7 +21,10 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from types import FrameType
 
-__all__ = ["view"]
+    from isolux.cli.terminal import Interrupts
+    from isolux.viewer.server import ViewServer
+
+__all__ = ["live", "view"]
 
 
 def view(
@@ -79,13 +83,56 @@ def _serve(data: bytes, ended: threading.Event, *, browser: bool, json: str | No
         if not write_json(json, {"url": server.url, "data_bytes": len(data)}):
             print(server.url, flush=True)
         say("serving to this machine; Ctrl-C ends it")
-        if browser and not webbrowser.open(server.url):
-            say("no browser could be opened: open the address above in one")
-        # Signals are heard between two waits, on every system.
-        while not ended.wait(0.2):
-            pass
+        _open(server.url, browser=browser)
+        _wait(ended)
     finally:
         server.stop()
+
+
+class Live:
+    """A page that shows a solve while it goes on."""
+
+    def __init__(self, server: ViewServer) -> None:
+        self.server = server
+
+    def stay(self, solution: isolux.Solution, hand: Interrupts) -> None:
+        """Show the result until Ctrl-C or SIGTERM; not at all after a Ctrl-C that ended the solve."""
+        if hand.presses:
+            return
+        # What waits for the report does not wait for the page.
+        sys.stdout.flush()
+        self.server.finish(solution.view_data())
+        say("the page stays open; Ctrl-C ends it")
+        with _ending() as ended:
+            # Pressed since, it is no cause to stay.
+            if not hand.presses:
+                _wait(ended)
+
+
+@contextmanager
+def live(*, browser: bool) -> Iterator[Live]:
+    """Serve a page for a solve that is about to begin; its address goes to standard error."""
+    from isolux.viewer.server import ViewServer  # noqa: PLC0415
+
+    server = ViewServer()
+    server.start()
+    try:
+        say(f"watch it at {server.url}")
+        _open(server.url, browser=browser)
+        yield Live(server)
+    finally:
+        server.stop()
+
+
+def _open(url: str, *, browser: bool) -> None:
+    if browser and not webbrowser.open(url):
+        say("no browser could be opened: open the address above in one")
+
+
+def _wait(ended: threading.Event) -> None:
+    # Signals are heard between two waits, on every system.
+    while not ended.wait(0.2):
+        pass
 
 
 @contextmanager

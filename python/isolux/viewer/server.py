@@ -7,31 +7,59 @@ machine brings nothing (DNS rebinding). Nothing is read from the file system.
 
 from __future__ import annotations
 
+import json
 import secrets
 import threading
+from dataclasses import dataclass, field
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import TYPE_CHECKING
 
 from isolux import __version__
 from isolux.viewer import Page
+
+if TYPE_CHECKING:
+    from isolux import Picture, Progress
 
 __all__ = ["ViewServer"]
 
 _HOST = "127.0.0.1"
 
 
-class ViewServer:
-    """A page with data, at `url` for as long as the server runs."""
+@dataclass(frozen=True)
+class _File:
+    """What a path names."""
 
-    def __init__(self, data: bytes) -> None:
+    body: bytes
+    kind: str
+    policy: str = "default-src 'none'"
+    headers: dict[str, str] = field(default_factory=dict)
+
+
+class ViewServer:
+    """A page with data, at `url` for as long as the server runs.
+
+    Parameters
+    ----------
+    data
+        As `isolux.Solution.view_data` packs them. None: of a solve that goes on; the page waits for
+        pictures of it, shows each that comes, and stops asking after `finish`.
+    """
+
+    def __init__(self, data: bytes | None = None) -> None:
         page = Page()
         self._token = secrets.token_urlsafe(24)
         self._lock = threading.Lock()
-        html = page.html.encode()
-        self._files = {
-            "": (html, "text/html; charset=utf-8", page.policy("'self'") + "; frame-ancestors 'none'"),
-            "data": (data, "application/octet-stream", "default-src 'none'"),
-        }
+        policy = page.policy("'self'") + "; frame-ancestors 'none'"
+        self._page = _File(page.html.encode(), "text/html; charset=utf-8", policy)
+        self._data = data
+        #: Data are counted, so that a page knows what it has.
+        self._number = 0 if data is None else 1
+        self._is_live = data is None
+        #: Is what stands there a picture of a solve that goes on?
+        self._is_picture = False
+        self._elements = 0
+        self._done = 0.0
         view = self
 
         class Handler(_Handler):
@@ -57,18 +85,57 @@ class ViewServer:
         return f"{_HOST}:{self.port}", f"localhost:{self.port}"
 
     def replace(self, data: bytes) -> None:
-        """Serve other data from now on."""
-        with self._lock:
-            _, kind, policy = self._files["data"]
-            self._files["data"] = (data, kind, policy)
+        """Serve other data from now on. Pages that are open show them at once while a solve goes on."""
+        self._serve(data, is_picture=False)
 
-    def file(self, path: str) -> tuple[bytes, str, str] | None:
-        """Bytes, type and policy of what a path names; None for everything else."""
+    def picture(self, picture: Picture) -> None:
+        """Serve a picture of a solve that goes on: what `isolux.solve` takes as ``pictures``."""
+        self._serve(picture.data, is_picture=True)
+
+    def tell(self, progress: Progress) -> None:
+        """Tell pages how far the solve is."""
+        with self._lock:
+            # Phases that split nothing tell of none.
+            self._elements = progress.elements or self._elements
+            self._done = progress.done
+
+    def finish(self, data: bytes) -> None:
+        """Serve the data of the result: pages show them, and ask no more."""
+        with self._lock:
+            self._is_live = False
+            self._data, self._is_picture = data, False
+            self._number += 1
+
+    def _serve(self, data: bytes, *, is_picture: bool) -> None:
+        with self._lock:
+            self._data, self._is_picture = data, is_picture
+            self._number += 1
+
+    def file(self, path: str) -> _File | None:
+        """Give what a path names; None for everything else."""
         parts = path.split("/")
         if len(parts) != 3 or parts[0] or not secrets.compare_digest(parts[1].encode(), self._token.encode()):
             return None
         with self._lock:
-            return self._files.get(parts[2])
+            match parts[2]:
+                case "":
+                    return self._page
+                case "data" if self._data is not None:
+                    headers = {
+                        "X-Isolux-Number": str(self._number),
+                        "X-Isolux-Picture": str(int(self._is_picture)),
+                    }
+                    return _File(self._data, "application/octet-stream", headers=headers)
+                case "state":
+                    state = {
+                        "number": self._number,
+                        "live": self._is_live,
+                        "elements": self._elements,
+                        "done": self._done,
+                    }
+                    return _File(json.dumps(state).encode(), "application/json")
+                case _:
+                    return None
 
     def start(self) -> None:
         """Serve from a thread of its own."""
@@ -109,20 +176,19 @@ class _Handler(BaseHTTPRequestHandler):
         elif (found := self.server_view.file(self.path)) is None:
             self._refuse(HTTPStatus.NOT_FOUND)
         else:
-            body, kind, policy = found
             self.send_response(HTTPStatus.OK)
-            self._send_headers(kind, len(body), policy)
+            self._send_headers(found.kind, len(found.body), found.policy, found.headers)
             if with_body:
-                self._write(body)
+                self._write(found.body)
 
     def _refuse(self, status: HTTPStatus) -> None:
         self.send_response(status)
         text = f"{status.value} {status.phrase}\n".encode()
-        self._send_headers("text/plain; charset=utf-8", len(text), "default-src 'none'")
+        self._send_headers("text/plain; charset=utf-8", len(text), "default-src 'none'", {})
         if self.command != "HEAD":
             self._write(text)
 
-    def _send_headers(self, kind: str, length: int, policy: str) -> None:
+    def _send_headers(self, kind: str, length: int, policy: str, more: dict[str, str]) -> None:
         values = {
             "Content-Type": kind,
             "Content-Length": str(length),
@@ -133,6 +199,7 @@ class _Handler(BaseHTTPRequestHandler):
             "Referrer-Policy": "no-referrer",
             "Cross-Origin-Resource-Policy": "same-origin",
             "Cross-Origin-Opener-Policy": "same-origin",
+            **more,
         }
         for name, value in values.items():
             self.send_header(name, value)
