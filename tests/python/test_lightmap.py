@@ -215,8 +215,9 @@ def test_no_light_leaks_under_walls(tmp_path, gather):
             if gather is not None:
                 assert at_dark.max() < 0.03 * at_bright.max()
                 continue
-            # No more than the solve itself has there. Vertices in common give 20 times as much.
-            assert (at_dark < 1.5 * solved(dark) + 1e-9).all()
+            # About what the solve itself has there: smooth values mix those of elements side by side. Measured up to
+            # 1.6 times; vertices in common give 20 times as much.
+            assert (at_dark < 2.0 * solved(dark) + 1e-9).all()
             assert (at_bright > 0.8 * solved(bright)).all()
 
 
@@ -329,9 +330,17 @@ FILES = [
     "test-inputs/mirrored-box.glb",
     "test-inputs/sparse-accessor.glb",
     "test-inputs/strip-and-fan.glb",
-    "test-inputs/textured-quad.glb",
     "test-inputs/vertex-colours.glb",
 ]
+
+
+def test_a_file_whose_triangles_were_cut_is_refused(tmp_path):
+    """Catches charts of parts that the file does not have: emission that varies over a triangle cuts it."""
+    name = SCENES / "test-inputs/textured-quad.glb"
+    solution = lit_somehow(isolux.load(name))
+    with pytest.raises(isolux.exceptions.UsageError, match="emissive textures were cut into parts"):
+        solution.bake_lightmap(tmp_path / "lit.glb", size=256, scene=name)
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("name", FILES)

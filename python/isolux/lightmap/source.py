@@ -59,6 +59,12 @@ def opened(path: Path, triangles: NDArray[np.float64]) -> Document:
         corners = _walked(document)
     except (AttributeError, LookupError, RecursionError, TypeError, ValueError, struct.error) as error:
         raise ReadError(f"{path}: is no glTF file that can be written anew ({error})") from None
+    glows = any("emissiveTexture" in material for material in document.root.get("materials", []))
+    if len(triangles) > len(corners) and glows:
+        raise UsageError(
+            f"{path}: its emissive textures were cut into parts for the solve ({len(corners)} triangles into "
+            f"{len(triangles)}), which a lightmap of the file itself cannot have: bake without --scene"
+        )
     if len(corners) != len(triangles):
         raise UsageError(
             f"{path}: it has {len(corners)} triangles, the scene that was solved {len(triangles)}: "
