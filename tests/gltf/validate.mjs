@@ -1,4 +1,4 @@
-// GLB files come in as arguments, the Khronos validator's issues go out one a line; the exit status is 1 where any file
+// GLB files come in as arguments, the Khronos validator's issues go out one a line, accepted ones as counts; the exit status is 1 where any file
 // has an issue that is not accepted below, 2 where there is nothing to do. What the files show is not judged here.
 //
 //   cargo test -p isolux-formats          (leaves GLB files in target/tmp)
@@ -44,12 +44,20 @@ for (const path of paths) {
     messages = [{ severity: 0, code: 'UNREADABLE', message: String(error), pointer: '' }];
   }
   let bad = 0;
+  const good = new Map();
   for (const { severity, code, message, pointer = '' } of messages) {
     const isOfLightmaps = ([known, names]) => code === known && names.test(code === 'UNUSED_OBJECT' ? pointer : message);
     const known = ACCEPTED.has(code) || (hasLightmaps && ACCEPTED_WITH_LIGHTMAPS.some(isOfLightmaps));
     const accepted = severity >= INFORMATION && known;
-    bad += accepted ? 0 : 1;
-    console.log(`${path}: ${SEVERITIES[severity]}${accepted ? ' (accepted)' : ''}: ${code} ${pointer}: ${message}`);
+    if (accepted) {
+      good.set(code, (good.get(code) ?? 0) + 1);
+      continue;
+    }
+    bad += 1;
+    console.log(`${path}: ${SEVERITIES[severity]}: ${code} ${pointer}: ${message}`);
+  }
+  for (const [code, count] of good) {
+    console.log(`${path}: accepted: ${count} of ${code}`);
   }
   console.log(`${path}: ${bad === 0 ? 'valid' : `${bad} issue(s) not accepted`}`);
   refused += bad;
