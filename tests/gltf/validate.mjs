@@ -1,5 +1,5 @@
-// GLB files come in as arguments, the Khronos validator's issues go out one a line, accepted ones as counts; the exit status is 1 where any file
-// has an issue that is not accepted below, 2 where there is nothing to do. What the files show is not judged here.
+// GLB files come in as arguments, the Khronos validator's issues go out one a line, accepted ones as counts; the exit status is 1
+// where any file has an issue that is not accepted below, 2 where there is nothing to do. What the files show is not judged here.
 //
 //   cargo test -p isolux-formats          (leaves GLB files in target/tmp)
 //   npm ci --prefix tests/gltf
