@@ -61,7 +61,7 @@ const LEAST_SEEN: f32 = 0.5;
 const UNSEEN: f32 = 1.0 / 324.0;
 
 /// Parts of a receiver that are open where they were asked, of 16, from which on they speak for the rest of what is open there.
-/// Measured: with 16, ground among houses is split twice as finely for an eightieth less error; without any, a floor that is
+/// Measured: with 16, ground among houses is split twice as finely for a fortieth less error; without any, a floor that is
 /// under a rug but for its edge takes the shadow at one place of it for that at all.
 const ENOUGH: f32 = 6.0;
 

@@ -642,6 +642,6 @@ mod tests {
         let sum = |k: usize| parts.iter().map(|part| part[k]).sum::<f64>();
         let (first, second) = (sum(0) / sum(2) - 1.0, sum(1) / sum(2) - 1.0);
         // Measured 0.0193 and 0.0067.
-        assert!(second.abs() < 0.5 * first, "{first} {second}");
+        assert!(second.abs() < 0.4 * first, "{first} {second}");
     }
 }
