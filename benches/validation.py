@@ -334,15 +334,15 @@ class Solve:
         #: What is to be told of solves that did not reach what they were asked.
         self.notes: list[str] = []
 
-    def __call__(self, scene: isolux.Scene, share: float = 1.0) -> isolux.Solution:
-        """Solve a scene, at a share of the asked error."""
-        solution = isolux.solve(scene, error=self.error * share, seed=0, **self.settings)
+    def __call__(self, scene: isolux.Scene) -> isolux.Solution:
+        """Solve a scene, at the asked error."""
+        solution = isolux.solve(scene, error=self.error, seed=0, **self.settings)
         report = solution.report
         if report.status != "converged":
             claim = (
                 "" if report.error_estimate is None else f", claimed {percent(report.error_estimate.total)} %"
             )
-            self.notes.append(f"asked {percent(self.error * share)} %: {report.status}{claim}")
+            self.notes.append(f"asked {percent(self.error)} %: {report.status}{claim}")
         return solution
 
 
@@ -379,13 +379,12 @@ def surface_rows(
     spots: ArrayLike,
     expected: Array,
     unit: float = 1.0,
-    times: float = POINT,
     extra: float = 0.0,
 ) -> list[Row]:
     """A row for each point of a solved surface; values are divided by `unit`."""
     overall = float(np.mean(solution.report.mean_irradiance)) / unit
     found = at(solution, name, spots) / unit
-    return points_rows(label, places, expected, found, times=times, extra=extra, mean=overall)
+    return points_rows(label, places, expected, found, times=POINT, extra=extra, mean=overall)
 
 
 def furnace(solve: Solve) -> list[Row]:
@@ -430,13 +429,9 @@ def opposite(solve: Solve) -> list[Row]:
     ]
 
 
-#: Asked of a black scene with a shade in it, times the error: asked for less, solves do not end well.
-COARSE = 5.0
-
-
 def shaded(solve: Solve) -> list[Row]:
     """Two squares with a third between them."""
-    solution = solve(squares_scene(shade=True), COARSE)
+    solution = solve(squares_scene(shade=True))
 
     def visible(x: Array, z: Array) -> Array:
         # Seen from (x, z) the shade hides [1/2 - x, 3/2 - x] of [0, 1]: for x <= 1/2 its part above 1/2 - x.
@@ -446,8 +441,8 @@ def shaded(solve: Solve) -> list[Row]:
     x, z = np.array(places).T
     spots = [(a, 1, b) for a, b in places]
     return [
-        Row("mean", mean_over(visible, 0.5, 0.5), mean(solution, "receiver"), MEAN * COARSE),
-        *surface_rows("surface at", solution, "receiver", places, spots, visible(x, z), times=POINT * COARSE),
+        Row("mean", mean_over(visible, 0.5, 0.5), mean(solution, "receiver"), MEAN),
+        *surface_rows("surface at", solution, "receiver", places, spots, visible(x, z)),
     ]
 
 
@@ -646,12 +641,12 @@ def cie_flux(solve: Solve) -> list[Row]:
     """5.4, flux through an opening."""
     build = frame(cie_room("5.4", 0.0, ceiling=False), 0.0)
     build.add("lamp", floor(1, 3, 1, 3, 3.5, down=True), 0.0, 100.0)
-    solution = solve(build.scene(), COARSE)
+    solution = solve(build.scene())
     # What the opening gets: a mean over its square metre, by symmetry over its quarter.
     arriving = 100 * mean_over(lambda x, z: parallel(-0.5 - x, 1.5 - x, -0.5 - z, 1.5 - z, 0.5), 0.5, 0.5)
     areas = {"floor": 16.0, "left": 12.0, "right": 12.0, "back": 12.0, "front": 12.0}
     inside = sum(area * mean(solution, name) for name, area in areas.items())
-    return [Row("flux on floor and walls, lm", arriving, inside, MEAN * COARSE)]
+    return [Row("flux on floor and walls, lm", arriving, inside, MEAN)]
 
 
 #: Sizes of the floor that reflects, metres, and its reflectance.
@@ -773,8 +768,7 @@ CASES = [
     ),
     Case(
         "shaded", PLAIN, "Two squares with a third one between them",
-        "The same, with a black square of half the side midway. Five times the error is asked for"
-        " ([why](index.md#what-does-not-go-well)).",
+        "The same, with a black square of half the side midway.",
         r"E(x,z) = C_\text{whole} - C_\text{hidden}",
         "the part that is hidden from a point is a rectangle; the mean is that over 64 x 64 Gauss points",
         shaded,
@@ -867,8 +861,7 @@ CASES = [
         "cie-5.4", CIE, "5.4: flux through an opening",
         "The same room, with an opening in the lamp's place, and a square of 2 x 2 m, 100 lm/m², 0.5"
         " m above it: a"
-        " light that is larger than the opening, in place of a sky. Five times the error is asked for"
-        " ([why](index.md#what-does-not-go-well)).",
+        " light that is larger than the opening, in place of a sky.",
         r"\Phi_\text{inside} = \Phi_\text{opening} = M \int C\,dA",
         "what enters arrives; the opening's mean is that over 64 x 64 Gauss points", cie_flux,
     ),

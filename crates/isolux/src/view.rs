@@ -348,7 +348,7 @@ impl Solution {
             let sum: Rgb = own
                 .map(|(&leaf, field)| {
                     let element = elements.get(leaf);
-                    mean_irradiance_in(element.corners.len(), field) * (element.area * light.open_share(leaf))
+                    mean_irradiance_in(&element.corners, field) * (element.area * light.open_share(leaf))
                 })
                 .sum();
             sum / scene.area()
@@ -387,7 +387,7 @@ impl Solution {
         let means: Vec<Rgb> = match &shown.columns {
             Some(columns) => {
                 let all = columns.fields.iter().flat_map(|column| leaves.iter().zip(column));
-                all.map(|(&leaf, field)| mean_irradiance_in(elements.get(leaf).corners.len(), field)).collect()
+                all.map(|(&leaf, field)| mean_irradiance_in(&elements.get(leaf).corners, field)).collect()
             }
             None => leaves
                 .iter()
@@ -417,7 +417,7 @@ impl Solution {
         };
         let (links, clusters) = (&transport.links, &transport.clusters);
         let nodes = elements.len() + clusters.parent.len();
-        let corners = |node: u32| elements.as_slice().get(node as usize).map_or(0, |element| element.corners.len());
+        let corners = |node: u32| elements.as_slice().get(node as usize).map(|element| &element.corners);
         let factors = links.receiver.iter().zip(&links.factors);
         body.add("links/start", &[], starts(nodes, links.receiver.iter().copied()));
         body.add("links/source", &[], links.source.iter().copied());

@@ -2,7 +2,7 @@
 //! which know nothing of links, and how much of its surroundings the links of each leaf account for.
 
 use crate::geometry::{End, NONE};
-use crate::light::mean;
+use crate::light::mean_over;
 use crate::outcome::{Outcome, irradiance_in};
 use crate::rays::even_point_of;
 use crate::solve::Solved;
@@ -80,7 +80,7 @@ impl Solved {
         // What lamps throw counts as emitted where it arrives: parallel light has no other measure.
         for (leaf, lit) in self.transport.elements.iter().zip(&self.light.lit) {
             if leaf.first_child == NONE {
-                let power = mean(lit, leaf.count).map(|value| f64::from(value * leaf.area * leaf.open_share()));
+                let power = mean_over(lit, leaf).map(|value| f64::from(value * leaf.area * leaf.open_share()));
                 balance.emitted += Rgb(power);
             }
         }

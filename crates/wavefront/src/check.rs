@@ -5,7 +5,7 @@ use crate::contacts::{is_covered, is_on_border, is_on_line};
 use crate::control::Control;
 use crate::geometry::{Element, Geometry, NONE};
 use crate::lamps::at_place;
-use crate::light::{Bands, Field, Light, bands, mean, rms};
+use crate::light::{Bands, Field, Light, bands, mean_over, rms};
 use crate::rays::{Packet, RAYS, even_point_of};
 use crate::read::{quadrant, shares_at};
 use crate::rounds::Transport;
@@ -496,7 +496,7 @@ fn mean_of(column: &[Field], elements: &[Element]) -> f32 {
     let leaves = elements.iter().filter(|element| element.first_child == NONE);
     for (field, element) in column.iter().zip(leaves) {
         let open = f64::from(element.area * element.open_share());
-        sum += open * f64::from(mean(field, element.count).iter().sum::<f32>() / 3.0);
+        sum += open * f64::from(mean_over(field, element).iter().sum::<f32>() / 3.0);
         area += open;
     }
     if area > 0.0 { (sum / area) as f32 } else { 0.0 }

@@ -2,7 +2,7 @@
 //! by packets of rays.
 
 use crate::clusters::Clusters;
-use crate::field::{INNER, mean};
+use crate::field::{INNER, mean, mean_over};
 use crate::geometry::{Element, Geometry};
 use crate::ideas::Ideas;
 use crate::link::{CLUSTER, Link, MIDDLE, State};
@@ -125,22 +125,22 @@ impl Evaluator<'_> {
     pub(crate) fn exchange(&self, x: &Element, y: &Element) -> ([f32; 5], [f32; 5]) {
         let (mut there, mut back) = (self.factors(x, y), self.factors(y, x));
         if x.area > y.area {
-            self.reconcile(&mut there, x.count, y.area / x.area * mean(&back, y.count));
+            self.reconcile(&mut there, x, y.area / x.area * mean_over(&back, y.count, y.lean()));
         } else {
-            self.reconcile(&mut back, y.count, x.area / y.area * mean(&there, x.count));
+            self.reconcile(&mut back, y, x.area / y.area * mean_over(&there, x.count, x.lean()));
         }
         (there, back)
     }
 
     /// Gives a field the mean that it is known to have: where it has too much everywhere, where it lacks at the middle, as
     /// leaves will know better where it belongs.
-    fn reconcile(&self, at: &mut [f32; 5], count: u8, wanted: f32) {
-        let found = mean(at, count);
+    fn reconcile(&self, at: &mut [f32; 5], element: &Element, wanted: f32) {
+        let found = mean_over(at, element.count, element.lean());
         if wanted < found {
             let share = wanted / found;
             at.iter_mut().for_each(|value| *value *= share);
         } else if self.ideas.leaves_anew {
-            at[MIDDLE] += (wanted - found) / crate::field::share(count);
+            at[MIDDLE] += (wanted - found) / crate::field::share(element.count);
         } else {
             at.iter_mut().for_each(|value| *value += wanted - found);
         }

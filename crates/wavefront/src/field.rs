@@ -27,6 +27,13 @@ pub(crate) fn mean(samples: &[f32; 5], count: u8) -> f32 {
     around + share(count) * (samples[MIDDLE] - around)
 }
 
+/// The same over a quadrilateral whose ends differ in size by `lean`, see [`crate::geometry::Element::lean`].
+pub(crate) fn mean_over(samples: &[f32; 5], count: u8, [along, across]: [f32; 2]) -> f32 {
+    let [a, b, c, d, _] = *samples;
+    let slopes = if count == 4 { (b + c - a - d) * along + (c + d - a - b) * across } else { 0.0 };
+    mean(samples, count) + 0.25 / INNER * slopes
+}
+
 /// Samples to corners.
 #[inline(always)]
 pub(crate) fn to_corners(samples: &[f32; 5], count: u8) -> [f32; 5] {
@@ -98,6 +105,22 @@ mod tests {
             let bulge = corners[MIDDLE] - corners[..count as usize].iter().sum::<f32>() / f32::from(count);
             let own = if count == 4 { 2.0 / 3.0 } else { 0.75 } * bulge / 64.0;
             prop_assert!((sum / 64.0 + own - mean(&samples, count)).abs() < 1e-5, "{} {}", sum / 64.0, mean(&samples, count));
+        }
+    }
+
+    /// Catches a mean that takes both ends of a trapezium for alike: of x over one that is 1 wide at x = 0 and 3 at x = 1, its
+    /// centroid's.
+    #[test]
+    fn the_wide_end_of_a_quadrilateral_counts_more() {
+        let corners = [[0.0, -0.5], [1.0, -1.5], [1.0, 1.5], [0.0, 0.5]].map(|[x, y]| glam::Vec3::new(x, y, 0.0));
+        let path = isolux_core::tree::Path::root(0);
+        for turn in 0..4 {
+            let turned = std::array::from_fn(|k| corners[(k + turn) % 4]);
+            let element = crate::geometry::Element::new(turned, 4, 0, u32::MAX, path);
+            let centre = element.centre();
+            let at = |k: usize| if k == MIDDLE { centre.x } else { centre.x + (turned[k].x - centre.x) * INNER };
+            let mean = mean_over(&std::array::from_fn(at), 4, element.lean());
+            assert!((mean - 7.0 / 12.0).abs() < 1e-6, "{turn}: {mean}");
         }
     }
 

@@ -68,6 +68,11 @@ impl Element {
         self.corners.iter().map(|corner| corner.distance_squared(centre)).fold(0.0, f32::max).sqrt()
     }
 
+    /// [`lean`] of its corners.
+    pub(crate) fn lean(&self) -> [f32; 2] {
+        if self.count == 4 { lean(self.corners) } else { [0.0; 2] }
+    }
+
     pub(crate) fn new(corners: [Vec3; 4], count: u8, polygon: u32, parent: u32, path: Path) -> Element {
         let [a, b, c, d] = corners;
         let area = 0.5 * (c - a).cross(d - b).length();
@@ -102,6 +107,24 @@ impl Element {
         std::array::from_fn(|k| Element::new(corners[k], self.count, self.polygon, own, path(k)))
     }
 }
+
+/// What slopes count in the mean over a quadrilateral: of a function that is `u` (`v`) of its coordinates from -1 to 1, along
+/// the first and the second side. Where these are not parallel to those across from them, one end of it is larger than the
+/// other: a third of what the determinant of the bilinear map grows, over its middle. 0 on parallelograms.
+pub(crate) fn lean([a, b, c, d]: [Vec3; 4]) -> [f32; 2] {
+    let bent = a - b + c - d;
+    let (along, across) = (b - a + c - d, d - a + c - b);
+    let normal = along.cross(across);
+    let whole = normal.length_squared();
+    if bent.length_squared() <= BENT * whole.sqrt() {
+        return [0.0; 2];
+    }
+    [along.cross(bent).dot(normal), bent.cross(across).dot(normal)].map(|grows| grows / (3.0 * whole))
+}
+
+/// Square of what the corners of a quadrilateral miss to be those of a parallelogram, over four times its area, below which it
+/// is rounding.
+const BENT: f32 = 1e-10;
 
 /// Everything that light does not change.
 pub(crate) struct Geometry {

@@ -9,7 +9,7 @@ use crate::check::{PointErrors, check_groups};
 use crate::control::Control;
 use crate::geometry::NONE;
 use crate::lamps::{ALL_ONLY, lit_leaves};
-use crate::light::{Field, Light, bands, mean};
+use crate::light::{Field, Light, bands, mean_over};
 use crate::solve::{Solved, settle};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -95,7 +95,7 @@ impl Solved {
         }
         let lit = self.lit_by_groups::<C>(group_of, groups.clone());
         for (own, element) in lit.iter().zip(&transport.elements).filter(|(_, element)| element.first_child == NONE) {
-            let arrives = mean(own, element.count);
+            let arrives = mean_over(own, element);
             (0..C).for_each(|c| power[c] += f64::from(element.area * arrives[c]));
         }
         // Each begins with its share of all light, which adds up to that.

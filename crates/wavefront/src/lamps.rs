@@ -7,7 +7,7 @@
 use crate::contacts::split;
 use crate::control::{Bound, Budget};
 use crate::geometry::{Element, Geometry, NONE};
-use crate::light::{Bands, Field, Light, add, mean, quarter};
+use crate::light::{Bands, Field, Light, add, mean, mean_over, quarter};
 use crate::rays::{Packet, RAYS, own_point};
 use crate::receiver::Receiver;
 use crate::rounds::{Limit, Transport};
@@ -399,7 +399,7 @@ impl Transport {
         let roots = &self.elements[..self.geometry.surfaces.len()];
         let open: Vec<Bands> = roots.par_iter().map(|root| unhindered(root, &self.geometry)).collect();
         for ((root, lit), open) in roots.iter().zip(&light.lit).zip(open) {
-            let arrives = mean(lit, root.count);
+            let arrives = mean_over(lit, root);
             for band in 0..3 {
                 sums[0][band] += f64::from(root.area * arrives[band]);
                 sums[1][band] += f64::from(root.area * open[band]);

@@ -9,7 +9,7 @@ use crate::evaluate::Evaluator;
 use crate::field::{to_corners, to_samples};
 use crate::geometry::{Element, NONE};
 use crate::light::{
-    Bands, Field, Light, add, add_times, bands, corners_of, cut, level, mean, quarter, quarter_of, rms,
+    Bands, Field, Light, add, add_times, bands, corners_of, cut, level, mean_over, quarter, quarter_of, rms,
 };
 use crate::link::{CLUSTER, Link, State};
 use rayon::prelude::*;
@@ -103,7 +103,7 @@ impl<const C: usize> Near<'_, C> {
     fn add_parts(&self, field: &mut Field<C>, source: &Element, radiosity: &Field<C>, depth: u32) {
         for (quadrant, part) in source.quarters(0).iter().enumerate() {
             let own = quarter(radiosity, source.count, quadrant);
-            let value = mean(&own, source.count);
+            let value = mean_over(&own, part);
             let factors = self.evaluator.factors(self.leaf, part);
             let square = (0..part.count as usize)
                 .map(|k| rms(std::array::from_fn(|band| own[k][band] - value[band])))

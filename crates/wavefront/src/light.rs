@@ -71,6 +71,23 @@ pub(crate) fn mean<const C: usize>(field: &Field<C>, count: u8) -> [f32; C] {
     })
 }
 
+/// The same over an element, exact for what is linear on other quadrilaterals, too.
+pub(crate) fn mean_over<const C: usize>(field: &Field<C>, element: &Element) -> [f32; C] {
+    leaned(field, element.count, element.lean())
+}
+
+/// Mean of a field over an element of so many corners and of a [`crate::geometry::lean`].
+pub(crate) fn leaned<const C: usize>(field: &Field<C>, count: u8, [along, across]: [f32; 2]) -> [f32; C] {
+    let mean = mean(field, count);
+    if along == 0.0 && across == 0.0 {
+        return mean;
+    }
+    let [a, b, c, d, _] = field;
+    std::array::from_fn(|k| {
+        mean[k] + 0.25 * ((b[k] + c[k] - a[k] - d[k]) * along + (c[k] + d[k] - a[k] - b[k]) * across)
+    })
+}
+
 /// A field at the corners and middle of a quarter: what is linear along the sides, and the bulge as the quadratic function
 /// that is 1 at the middle and 0 at the corners, the same in all directions. Quadratic functions of that kind stay what
 /// they are, so that a mean is kept on the way down.
@@ -464,7 +481,7 @@ impl<const C: usize> Light<C> {
                     *field = dark();
                 }
                 let rho = surface.reflectance;
-                let arriving = cut(mean(field, element.count));
+                let arriving = cut(mean_over(field, element));
                 *irradiance = bands(&arriving, 0);
                 let own = &emission[element.polygon as usize];
                 *radiosity = std::array::from_fn(|c| own[c] + rho[c % 3] * arriving[c]);

@@ -278,5 +278,14 @@ pub(crate) fn verdict(link: &Link, evaluator: &Evaluator<'_>, light: &Light, lim
     if receiver && errors.receiver >= errors.noise {
         return Verdict::SplitReceiver;
     }
-    if more && weight * errors.noise * errors.noise > limit { Verdict::MoreRays } else { Verdict::Keep }
+    if weight * errors.noise * errors.noise <= limit {
+        return Verdict::Keep;
+    }
+    match (more, source, receiver) {
+        (true, _, _) => Verdict::MoreRays,
+        // As many rays to each part say more of the whole.
+        (_, true, _) => Verdict::SplitSource,
+        (_, _, true) => Verdict::SplitReceiver,
+        _ => Verdict::Keep,
+    }
 }

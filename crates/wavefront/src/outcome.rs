@@ -1,8 +1,8 @@
 //! What a solve leaves behind, in the terms of the rest of the system: quadtrees, light, links and clusters by number.
 
-use crate::geometry::{Geometry, NONE};
+use crate::geometry::{Geometry, NONE, lean};
 use crate::leaves::is_whole;
-use crate::light::{self, Field, mean};
+use crate::light::{self, Field, leaned};
 use crate::link::{CLUSTER, State};
 use crate::rounds::Transport;
 use crate::solve::{Estimate, Solved, Stage};
@@ -159,7 +159,7 @@ pub fn light_of(scene: &Scene, elements: &Elements, fields: &[Field], open_share
         .par_iter()
         .zip(fields)
         .with_min_len(1024)
-        .map(|(element, field)| mean_irradiance_in(element.corners.len(), field))
+        .map(|(element, field)| mean_irradiance_in(&element.corners, field))
         .collect();
     let mut light = Light::emitted(scene, elements, open_shares, Update::InPlace);
     for (index, element) in elements.as_slice().iter().enumerate().rev() {
@@ -193,14 +193,18 @@ pub fn signed_irradiance_in(corners: &Corners, normal: DVec3, point: DVec3, fiel
     Rgb(crate::read::signed_within(corners, normal, point, field))
 }
 
-/// Mean irradiance over a leaf of so many corners, from its field, W/m² or lm/m²; not below 0.
+/// Mean irradiance over a leaf, from its corners and its field, W/m² or lm/m²; not below 0.
 #[must_use]
-pub fn mean_irradiance_in(count: usize, field: &Field) -> Rgb {
-    Rgb(mean(field, count as u8).map(|value| f64::from(value.max(0.0))))
+pub fn mean_irradiance_in(corners: &Corners, field: &Field) -> Rgb {
+    Rgb(leaned(field, corners.len() as u8, lean_of(corners)).map(|value| f64::from(value.max(0.0))))
 }
 
-/// Mean of a link's factors over a receiver of so many corners; of a cluster (0 corners) the one that it has.
+/// Mean of a link's factors over a receiver with these corners; of a cluster, which has none, the one that it has.
 #[must_use]
-pub fn mean_factor(count: usize, factors: &[f32; 5]) -> f32 {
-    if count == 0 { factors[0] } else { crate::field::mean(factors, count as u8) }
+pub fn mean_factor(corners: Option<&Corners>, factors: &[f32; 5]) -> f32 {
+    corners.map_or(factors[0], |corners| crate::field::mean_over(factors, corners.len() as u8, lean_of(corners)))
+}
+
+fn lean_of(corners: &Corners) -> [f32; 2] {
+    if corners.len() == 4 { lean(std::array::from_fn(|k| (corners[k] - corners[0]).as_vec3())) } else { [0.0; 2] }
 }

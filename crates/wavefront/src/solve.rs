@@ -148,6 +148,10 @@ const FUTILE: f64 = 4.0;
 const VAIN: u32 = 3;
 const WORTH: f64 = 0.1;
 
+/// Stages one after the other in which nothing is split before nothing is taken to be left to split. Each lowers what is
+/// permitted, mostly to a quarter or less.
+const IDLE: u32 = 8;
+
 /// By which power of the permitted error of a link the error falls, at least and at most.
 const POWERS: (f64, f64) = (0.2, 0.5);
 
@@ -232,8 +236,8 @@ impl Prepared {
         light.sloped = request.ideas.linear_sources;
         let (mut stages, mut estimate, mut bound) = (Vec::<Stage>::new(), None, None);
         let mut level = guess;
-        // The least error claimed so far, and the stages since that made no better one.
-        let (mut best, mut vain) = (f64::INFINITY, 0);
+        // The least error claimed so far, and the stages since that split something and made no better one, or split nothing.
+        let (mut best, mut vain, mut idle) = (f64::INFINITY, 0, 0);
         let mut settled = 0.0;
         // Has there been a check that left nothing but doubt?
         let mut doubted = false;
@@ -347,11 +351,16 @@ impl Prepared {
                 break;
             }
             if let Some(now) = now.filter(|now| now.total < best * (1.0 - WORTH)) {
-                (best, vain) = (now.total, 0);
+                (best, vain, idle) = (now.total, 0, 0);
             } else if now.is_some() {
-                vain += 1;
+                let sizes = |stage: &Stage| [stage.elements, stage.links, stage.dark_links];
+                if stages.windows(2).last().is_some_and(|pair| sizes(&pair[0]) == sizes(&pair[1])) {
+                    idle += 1;
+                } else {
+                    (vain, idle) = (vain + 1, 0);
+                }
             }
-            if now.is_some() && !dark_left && (by_links <= request.error / FUTILE || vain >= VAIN) {
+            if now.is_some() && !dark_left && (by_links <= request.error / FUTILE || vain >= VAIN || idle >= IDLE) {
                 bound = Some(Bound::Resolution);
                 break;
             }

@@ -166,8 +166,8 @@ fn gather<const C: usize>(
             std::array::from_fn(|c| (0..9).map(|k| harmonics[k] * intensity[k][c]).sum())
         };
         if link.receiver & CLUSTER == 0 {
-            let count = evaluator.elements[link.receiver as usize].count;
-            let mean = crate::field::mean(&link.factors, count).max(0.0);
+            let receiver = &evaluator.elements[link.receiver as usize];
+            let mean = crate::field::mean_over(&link.factors, receiver.count, receiver.lean()).max(0.0);
             add_times(&mut sum[0], mean, &value);
         } else {
             let harmonics = evaluate((from - to).normalize_or(Vec3::X).to_array());
