@@ -6,6 +6,7 @@
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::print_stdout, clippy::print_stderr))]
 
 pub mod audit;
+mod boxes;
 pub mod kernels;
 pub mod links;
 pub mod sampling;

@@ -531,11 +531,15 @@ fn read_linked(part: Part, shelf: &mut Shelf) -> Result<Solution, RecordError> {
     let bsp = Bsp::build(&scene, report.settings.order);
     let unasked = &mut Unobserved;
     let watch = &mut Watch::new(unasked, Progress::of(Phase::Interpolation));
-    let plan = SmoothPlan::new(&scene, &(&scene, &bsp), &hierarchy.elements, watch);
+    let plan = SmoothPlan::new(&scene, &(&scene, &bsp), &hierarchy.elements, &hierarchy.light, watch);
     let Array { shape, .. } = shelf.arrays.get("mesh/irradiance").ok_or_else(|| missing("mesh/irradiance"))?;
-    let is_left_out = report.status == Status::Cancelled && shape.first() == Some(&0);
-    let vertices = if is_left_out { Some(0) } else { plan.as_ref().map(SmoothPlan::vertices) };
-    let vertex_irradiance = shelf.rgb("mesh/irradiance", vertices.unwrap_or(0))?;
+    let count = shape.first().copied().unwrap_or(0);
+    let is_left_out = report.status == Status::Cancelled && count == 0;
+    let mut vertex_irradiance = shelf.rgb("mesh/irradiance", count)?;
+    if let Some(plan) = plan.as_ref().filter(|_| !is_left_out) {
+        vertex_irradiance = plan.with_sides(vertex_irradiance);
+        same_length("mesh/irradiance", vertex_irradiance.len(), plan.vertices())?;
+    }
     if vertex_irradiance.iter().any(|value| !value.is_finite() || value.min_component() < 0.0) {
         return Err(inconsistent("mesh/irradiance", "not all values are finite and not negative"));
     }

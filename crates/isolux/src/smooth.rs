@@ -43,7 +43,13 @@ pub(crate) fn gather(
     let elements = hierarchy.elements.clone();
     let links = hierarchy.links.len();
     let stage = |done| Progress { done, elements: elements.len(), links, ..Progress::of(Phase::Interpolation) };
-    let plan = SmoothPlan::new(scene, &(scene, evaluator.bsp), &elements, &mut Watch::new(observer, stage(0.0)))?;
+    let plan = SmoothPlan::new(
+        scene,
+        &(scene, evaluator.bsp),
+        &elements,
+        &hierarchy.light,
+        &mut Watch::new(observer, stage(0.0)),
+    )?;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().ok()?;
     let mut pace = Pace::starting(8 * pool.current_num_threads());
     let mut pass = |sites: &[Site], shadows, hierarchy: &Hierarchy, from: f64, to: f64| {
@@ -105,7 +111,7 @@ pub(crate) fn average(
 ) -> Option<(Vec<Rgb>, SmoothSurfaces)> {
     let Hierarchy { elements, light, .. } = hierarchy;
     let mut watch = Watch::new(observer, Progress { elements: elements.len(), ..Progress::of(Phase::Interpolation) });
-    let plan = SmoothPlan::new(scene, &(scene, bsp), elements, &mut watch)?;
+    let plan = SmoothPlan::new(scene, &(scene, bsp), elements, light, &mut watch)?;
     let values = plan.averaged(light, &mut watch)?;
     let surfaces = plan.assemble(&values, &mut watch)?;
     Some((values, surfaces))
@@ -139,7 +145,7 @@ pub(crate) fn blend_columns(
 ) -> Option<(SmoothSurfaces, Vec<Vec<Rgb>>)> {
     let unasked = &mut Unobserved;
     let watch = &mut Watch::new(unasked, Progress::of(Phase::Interpolation));
-    let plan = SmoothPlan::new(scene, tracer, elements, watch)?;
+    let plan = SmoothPlan::new(scene, tracer, elements, light, watch)?;
     let mut around = vec![Around::default(); plan.vertices()];
     // What lies under something else is not seen.
     let is_open = |leaf| light.open_share(leaf) > 0.0;
@@ -281,7 +287,7 @@ impl Gathering<'_> {
     ) -> Result<SmoothSurfaces, RenderError> {
         let Gathering { scene, tracer, elements, light, .. } = *self;
         let stage = |done| Progress { done, elements: elements.len(), ..Progress::of(Phase::Interpolation) };
-        let plan = SmoothPlan::new(scene, tracer, elements, &mut Watch::new(observer, stage(0.0)));
+        let plan = SmoothPlan::new(scene, tracer, elements, light, &mut Watch::new(observer, stage(0.0)));
         let plan = plan.ok_or(RenderError::Cancelled)?;
         let mut around = vec![Around::default(); plan.vertices()];
         let mut is_border = vec![false; plan.vertices()];

@@ -6,9 +6,10 @@ mod common;
 
 use common::{draft, irradiances, lit_box, paper, points, scene, schedules, solved};
 use isolux::core::scene::{Alpha, AlphaMask, Image, Wrap};
+use isolux::core::solution::{Phase, Progress, SmoothPlan, Unobserved, Watch, smoothing_groups};
 use isolux::core::units::Unit;
 use isolux::{Array, Data, Record, RecordError, Settings, Solution};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 /// A solution with everything that a record can hold: a two-sided pane, a cut-out mask with texture coordinates, an
 /// image.
@@ -66,6 +67,43 @@ fn name_of(error: &RecordError) -> &str {
         }
         _ => "",
     }
+}
+
+/// Catches files of `sequential` made before walls parted vertices, which are refused or fall apart: their vertices show what
+/// they did, the same on both sides.
+#[test]
+fn files_whose_vertices_were_not_parted_open() {
+    let scene = common::shipped("leaks/thin_wall");
+    let solution = solved(&scene, &paper());
+    let (elements, light) = (&solution.hierarchy().elements, &solution.hierarchy().light);
+    let unasked = &mut Unobserved;
+    let watch = &mut Watch::new(unasked, Progress::of(Phase::Interpolation));
+    let plan = SmoothPlan::new(&scene, &(&*scene, solution.bsp()), elements, light, watch).unwrap();
+    let group = smoothing_groups(&scene, &(&*scene, solution.bsp()), watch).unwrap();
+    let key = |site: usize| {
+        let polygon = elements.get(plan.sites()[site].leaf).polygon;
+        (group[polygon as usize], plan.positions()[site].to_array().map(f64::to_bits))
+    };
+    let mut seen = HashSet::new();
+    let before = (0..plan.vertices()).filter(|&site| seen.insert(key(site))).count();
+    assert!(before < plan.vertices());
+    let mut record = solution.to_record();
+    let values = array(&mut record, "mesh/irradiance");
+    values.shape[0] = before;
+    let Data::F64(numbers) = &mut values.data else { panic!("not in double precision") };
+    numbers.truncate(3 * before);
+    let opened = Solution::from_record(record.clone()).unwrap();
+    assert_eq!(opened.mesh().positions, solution.mesh().positions);
+    // At least vertices that are not of two sides, nor between such, have what they had.
+    let same = opened.mesh().irradiance.iter().zip(&solution.mesh().irradiance).filter(|(one, two)| one == two).count();
+    assert!(10 * same > 9 * solution.mesh().irradiance.len(), "{same} of {}", solution.mesh().irradiance.len());
+    assert!(same < solution.mesh().irradiance.len());
+    // Any other number is refused.
+    let values = array(&mut record, "mesh/irradiance");
+    values.shape[0] = before - 1;
+    let Data::F64(numbers) = &mut values.data else { panic!("not in double precision") };
+    numbers.truncate(3 * (before - 1));
+    assert_eq!(name_of(&reading(record)), "mesh/irradiance");
 }
 
 /// Catches a number that is lost, rounded or moved on its way: record, report and answers come back bit for bit.

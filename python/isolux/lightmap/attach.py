@@ -31,8 +31,10 @@ if TYPE_CHECKING:
     from isolux.lightmap.gltf import Document, Run
 
     Json = dict[str, Any]
+    #: Rows of `Placed` by the file's triangle, and whether its back is meant.
+    Rows = dict[tuple[int, bool], int]
 
-__all__ = ["Placed", "attach"]
+__all__ = ["Placed", "attach", "whole_triangles"]
 
 #: Sets of texture coordinates that a map may use: three.js has as many.
 _SETS = 4
@@ -40,7 +42,7 @@ _SETS = 4
 
 @dataclasses.dataclass(frozen=True)
 class Placed:
-    """Where triangles are in the maps: row by row those of `Surfaces`.
+    """Where triangles are in the maps: row by row those of `Surfaces`, or the file's.
 
     Parameters
     ----------
@@ -54,9 +56,28 @@ class Placed:
     uv: NDArray[np.float32]
 
 
+def whole_triangles(surfaces: Surfaces, placed: Placed, corners: NDArray[np.float64]) -> tuple[Rows, Placed]:
+    """Tell where a file's triangles (m, 3, 3) are, by number and whether it is a back: of placed parts."""
+    members: dict[tuple[int, bool], list[int]] = {}
+    for row, key in enumerate(zip(surfaces.whole.tolist(), surfaces.is_back.tolist(), strict=True)):
+        members.setdefault(key, []).append(row)
+    rows: Rows = {}
+    # Parts of a triangle are in one chart.
+    atlas = placed.atlas[[parts[0] for parts in members.values()]]
+    uv = np.zeros((len(members), 3, 2), np.float32)
+    for number, ((face, is_back), parts) in enumerate(members.items()):
+        rows[face, is_back] = number
+        if len(parts) == 1:
+            uv[number] = placed.uv[parts[0]]
+            continue
+        apart = np.linalg.norm(surfaces.corners[parts].reshape(-1, 1, 3) - corners[face], axis=2)
+        uv[number] = placed.uv[parts].reshape(-1, 2)[apart.argmin(axis=0)]
+    return rows, Placed(atlas, uv)
+
+
 def attach(
     document: Document,
-    surfaces: Surfaces,
+    rows: Rows,
     placed: Placed,
     images: Sequence[bytes],
     intensity: float,
@@ -64,6 +85,7 @@ def attach(
 ) -> tuple[bytes, int]:
     """Write a document as GLB with lightmaps: coordinates, textures (PNG), `MOZ_lightmap` in its materials.
 
+    `rows` tells which rows of `placed` are which of its triangles.
     Returns the bytes, and the number of the set of texture coordinates.
 
     Raises
@@ -83,7 +105,7 @@ def attach(
         source = push(root, "images", {"bufferView": view, "mimeType": "image/png", "name": name})
         textures.append(push(root, "textures", {"sampler": sampler, "source": source, "name": name}))
     coats = _Coats(root, textures, number, intensity)
-    parts = (placed, _rows(surfaces))
+    parts = (placed, rows)
     has_run = {(run.node, run.primitive) for run in document.faces}
     fresh: dict[int, list[Json]] = {}
     for run_group in _by_primitive(document.faces):
@@ -105,16 +127,6 @@ def attach(
     return packed(document), number
 
 
-def _rows(surfaces: Surfaces) -> dict[tuple[int, bool], int]:
-    """Rows of surfaces by face, and whether they are backs."""
-    return {
-        (face, back): row
-        for row, (face, back) in enumerate(
-            zip(surfaces.face.tolist(), surfaces.is_back.tolist(), strict=True)
-        )
-    }
-
-
 def _by_primitive(runs: Sequence[Run]) -> list[list[Run]]:
     """Runs of one node's primitive together."""
     groups: dict[tuple[int, int], list[Run]] = {}
@@ -127,7 +139,7 @@ def _split(
     document: Document,
     source: Json,
     runs: Sequence[Run],
-    parts: tuple[Placed, dict[tuple[int, bool], int]],
+    parts: tuple[Placed, Rows],
     number: int,
     coats: _Coats,
 ) -> list[Json]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from isolux import _isolux
 from isolux.exceptions import RenderError, UsageError
-from isolux.lightmap.attach import Placed, attach
+from isolux.lightmap.attach import Placed, attach, whole_triangles
 from isolux.lightmap.charts import Surfaces, charts_of, laid_out, xatlas_module
 from isolux.lightmap.maps import filled, lit, sampled
 from isolux.lightmap.packing import packed
@@ -109,13 +109,13 @@ def bake(
     text, arrays = solution._inner.scene_record()
     attributes = json.loads(text)
     names = solution.scene.objects
-    surfaces = Surfaces.of(arrays)
+    # The scene's own file and the way to parts are looked at before the work, not after it.
+    triangles = arrays["scene/triangles"]
+    file = None if scene is None else opened(scene, triangles)
+    surfaces = Surfaces.of(arrays, None if file is None else file.whole)
     if not len(surfaces.face):
         raise UsageError("the scene has no surface that a lightmap could hold")
-    # The scene's own file and the way to parts are looked at before the work, not after it.
-    document = (
-        made_of(attributes, arrays, names) if scene is None else opened(scene, arrays["scene/triangles"])
-    )
+    document = made_of(attributes, arrays, names) if file is None else file.document
     layout = _laid_out(surfaces, texels_per_metre, size, padding, names, hear)
     samplings = []
     for atlas in range(layout.maps):
@@ -165,8 +165,7 @@ def bake(
     }
     glb, number = attach(
         document,
-        surfaces,
-        placed,
+        *whole_triangles(surfaces, placed, triangles if file is None else file.corners),
         [encoded[_name(path, None, "png", atlas, layout.maps)] for atlas in range(layout.maps)],
         scale * factor,
         extras,

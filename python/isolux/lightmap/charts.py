@@ -48,7 +48,9 @@ class Surfaces:
     object
         (n,) index of the object.
     group
-        (n,) number of the plane piece: sides that light crosses smoothly.
+        (n,) number of the plane piece: sides that light crosses smoothly, and parts of one triangle.
+    whole
+        (n,) triangle of the scene's file that each is, or is a part of.
     """
 
     face: Integers
@@ -58,10 +60,15 @@ class Surfaces:
     normal: Floats
     object: Integers
     group: Integers
+    whole: Integers
 
     @classmethod
-    def of(cls, arrays: dict[str, NDArray[Any]]) -> Surfaces:
-        """Make them of a scene's arrays as a solution records them."""
+    def of(cls, arrays: dict[str, NDArray[Any]], whole: Integers | None = None) -> Surfaces:
+        """Make them of a scene's arrays as a solution records them.
+
+        `whole` (m,) tells of which triangle of a file each input face is a part; none: each is one.
+        """
+        whole = np.arange(len(arrays["scene/triangles"])) if whole is None else whole
         polygon_of = arrays["scene/face_polygon"].astype(np.int64)
         faces = np.flatnonzero(polygon_of != NONE)
         fronts = polygon_of[faces]
@@ -79,7 +86,41 @@ class Surfaces:
         groups = arrays["smoothing_group"].astype(np.int64)[side]
         # Pieces of two objects are apart, though light goes on smoothly from one to the other.
         _, group = np.unique(np.stack([objects, groups], axis=1), axis=0, return_inverse=True)
-        return cls(face, side, is_back, corners, normal, objects, group.reshape(-1).astype(np.int64))
+        group = _joined(
+            group.reshape(-1).astype(np.int64), np.stack([whole[face], is_back.astype(np.int64)], axis=1)
+        )
+        return cls(face, side, is_back, corners, normal, objects, group, whole[face])
+
+    @property
+    def is_part(self) -> NDArray[np.bool_]:
+        """Whether each is one of several parts of a triangle."""
+        _, number, count = np.unique(
+            np.stack([self.whole, self.is_back.astype(np.int64)], axis=1),
+            axis=0,
+            return_inverse=True,
+            return_counts=True,
+        )
+        parts: NDArray[np.bool_] = count[number.reshape(-1)] > 1
+        return parts
+
+
+def _joined(group: Integers, names: Integers) -> Integers:
+    """Groups (n,) of which those with a name (n, k) in common are one."""
+    _, number = np.unique(names, axis=0, return_inverse=True)
+    order = np.argsort(number.reshape(-1), kind="stable")
+    same = np.flatnonzero(np.diff(number.reshape(-1)[order]) == 0)
+    parent = np.arange(int(group.max(initial=-1)) + 1)
+
+    def find(one: int) -> int:
+        while parent[one] != one:
+            parent[one] = parent[parent[one]]
+            one = int(parent[one])
+        return one
+
+    for row in same.tolist():
+        one, two = find(int(group[order[row]])), find(int(group[order[row + 1]]))
+        parent[max(one, two)] = min(one, two)
+    return np.array([find(int(one)) for one in group], np.int64)
 
 
 @dataclasses.dataclass
@@ -228,8 +269,11 @@ def _curved(surfaces: Surfaces, pieces: Sequence[Integers], tolerance: float) ->
         first, second = find(here_piece), find(there_piece)
         parent[max(first, second)] = min(first, second)
     members: dict[int, list[int]] = {}
+    # Parts of a triangle stay in one chart, which unrolling might cut.
+    is_part = surfaces.is_part
     for number in range(len(pieces)):
-        members.setdefault(find(number), []).append(number)
+        if not is_part[pieces[number]].any():
+            members.setdefault(find(number), []).append(number)
     return [found for found in members.values() if len(found) >= _FACETS]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import struct
 from typing import TYPE_CHECKING, Any
@@ -40,8 +41,33 @@ __all__ = ["made_of", "opened"]
 _SAME = 1e-6
 
 
-def opened(path: Path, triangles: NDArray[np.float64]) -> Document:
+#: Into how many steps along each side the reader cuts triangles whose emissive texture varies.
+_STEPS = (1, 2, 4, 8, 16)
+
+
+@dataclasses.dataclass(frozen=True)
+class Opened:
+    """The scene's own file.
+
+    Parameters
+    ----------
+    document
+        What it holds.
+    corners
+        (m, 3, 3) corners of its triangles, metres, in order.
+    whole
+        (n,) triangle that each of the scene's is, or is a part of.
+    """
+
+    document: Document
+    corners: NDArray[np.float64]
+    whole: NDArray[np.int64]
+
+
+def opened(path: Path, triangles: NDArray[np.float64]) -> Opened:
     """Open the scene's own glTF or GLB file, which must have these triangles (n, 3, 3), metres, in order.
+
+    Its triangles may have been cut into parts, for an emissive texture that varies.
 
     Raises
     ------
@@ -59,29 +85,77 @@ def opened(path: Path, triangles: NDArray[np.float64]) -> Document:
         corners = _walked(document)
     except (AttributeError, LookupError, RecursionError, TypeError, ValueError, struct.error) as error:
         raise ReadError(f"{path}: is no glTF file that can be written anew ({error})") from None
+    size = float(np.ptp(triangles.reshape(-1, 3), axis=0).max()) if len(triangles) else 0.0
+    own = float(np.ptp(corners.reshape(-1, 3), axis=0).max()) if len(corners) else 0.0
+    scale = size / own if own > 0.0 else 1.0
+    tolerance = 8.0 * _SAME * max(size, float(np.abs(triangles).max(initial=0.0)))
     glows = any("emissiveTexture" in material for material in document.root.get("materials", []))
     if len(triangles) > len(corners) and glows:
-        raise UsageError(
-            f"{path}: its emissive textures were cut into parts for the solve ({len(corners)} triangles into "
-            f"{len(triangles)}), which a lightmap of the file itself cannot have: bake without --scene"
-        )
+        whole = _parts(path, document, corners * scale, triangles, tolerance)
+        return Opened(document, corners * scale, whole)
     if len(corners) != len(triangles):
         raise UsageError(
             f"{path}: it has {len(corners)} triangles, the scene that was solved {len(triangles)}: "
             "give the file that was solved"
         )
     if len(corners):
-        size = float(np.ptp(triangles.reshape(-1, 3), axis=0).max())
-        own = float(np.ptp(corners.reshape(-1, 3), axis=0).max())
-        scale = size / own if own > 0.0 else 1.0
         off = np.abs(corners * scale - triangles).max(axis=(1, 2))
-        if off.max() > 8.0 * _SAME * max(size, float(np.abs(triangles).max())):
+        if off.max() > tolerance:
             face = int(off.argmax())
             raise UsageError(
                 f"{path}: triangle {face} is {off[face]:.3g} m away from where it was solved: "
                 "give the file that was solved"
             )
-    return document
+    return Opened(document, corners * scale, np.arange(len(triangles)))
+
+
+def _parts(
+    path: Path,
+    document: Document,
+    corners: NDArray[np.float64],
+    triangles: NDArray[np.float64],
+    tolerance: float,
+) -> NDArray[np.int64]:
+    """Tell of which of the file's triangles the solved ones are parts; all of a primitive are cut alike."""
+    owners = []
+    at = 0
+    for run in document.faces:
+        whole = corners[run.first : run.first + len(run.vertices)]
+        for steps in _STEPS:
+            count = steps * steps
+            parts = triangles[at : at + len(whole) * count]
+            if len(parts) == len(whole) * count and _make_up(parts, whole, tolerance):
+                break
+        else:
+            raise UsageError(
+                f"{path}: triangle {run.first} and those after it are not where they were solved: "
+                "give the file that was solved"
+            )
+        owners.append(np.repeat(np.arange(run.first, run.first + len(whole)), count))
+        at += len(parts)
+    if at != len(triangles):
+        raise UsageError(
+            f"{path}: its triangles are {at} as they were solved, the scene has {len(triangles)}: "
+            "give the file that was solved"
+        )
+    return np.concatenate(owners)
+
+
+def _make_up(parts: NDArray[np.float64], whole: NDArray[np.float64], tolerance: float) -> bool:
+    """Whether triangles (n, 3, 3) are each made up of as many equal parts (n k, 3, 3), in order."""
+    if not len(whole):
+        return True
+    count = len(parts) // len(whole)
+    if count == 1:
+        return bool(np.abs(parts - whole).max() <= tolerance)
+    groups = parts.reshape(len(whole), count, 3, 3)
+    # Each corner is one of a part, and the parts have the triangle's normal and equal shares of its area.
+    apart = np.abs(groups.reshape(len(whole), -1, 1, 3) - whole[:, None]).max(axis=3).min(axis=1)
+    areas = np.cross(groups[:, :, 1] - groups[:, :, 0], groups[:, :, 2] - groups[:, :, 0])
+    area = np.cross(whole[:, 1] - whole[:, 0], whole[:, 2] - whole[:, 0])
+    off = np.abs(areas * count - area[:, None]).max(axis=(1, 2))
+    lengths = np.linalg.norm(np.roll(whole, -1, axis=1) - whole, axis=2).max(axis=1)
+    return bool(apart.max() <= tolerance and (off <= 4.0 * count * tolerance * lengths).all())
 
 
 def made_of(attributes: Json, arrays: dict[str, NDArray[Any]], names: Sequence[str]) -> Document:

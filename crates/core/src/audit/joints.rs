@@ -11,7 +11,7 @@
 //!
 //! "The same place" is [`Scene::tolerance`], as everywhere.
 
-use super::boxes::{Box3, Boxes};
+use crate::boxes::{Box3, Boxes};
 use crate::scene::Scene;
 use glam::DVec3;
 use rustc_hash::FxHashMap;

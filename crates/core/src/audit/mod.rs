@@ -5,7 +5,6 @@
 //! a neighbour's edge (`joints`), and polygons that cover each other in one plane (`overlaps`). Each module says what it
 //! takes for a fault and what it leaves alone.
 
-mod boxes;
 mod flipped;
 mod joints;
 mod overlaps;

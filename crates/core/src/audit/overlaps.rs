@@ -7,7 +7,7 @@
 //! Polygons of one plane that face opposite ways are left alone: the bottom of a box in the plane of the floor that it
 //! stands on, and the second sheet of a wall that was modelled with a polygon for each side.
 
-use super::boxes::{Box3, Boxes};
+use crate::boxes::{Box3, Boxes};
 use crate::scene::{Polygon, Scene};
 use glam::{DVec2, DVec3};
 use std::ops::ControlFlow;

@@ -4,7 +4,7 @@
 //! lie in one plane: a flat floor of 100,000 triangles costs each ray as many tests. The audit has to take whatever comes
 //! and needs few rays, so it asks the boxes that it has anyway. Cut-outs count by their mean opacity.
 
-use super::boxes::{Box3, Boxes};
+use crate::boxes::{Box3, Boxes};
 use crate::sampling::Stream;
 use crate::scene::{Plane, Polygon, Scene};
 use glam::DVec3;

@@ -1,6 +1,7 @@
 //! Smooth values from constant elements: leaves with their irradiance go in, vertex values on a restricted mesh
 //! without T-junctions come out, and the means to read them at any point.
 
+use super::sides::{Standing, Wedge, sides};
 use super::{Flow, Gathered, Light, SurfaceMesh, Watch};
 use crate::kernels::NoProbe;
 use crate::kernels::visibility::is_open;
@@ -214,15 +215,22 @@ fn middle(a: DVec3, b: DVec3) -> DVec3 {
     (a + b) * 0.5
 }
 
-/// Values at sites, found by point and smoothing group.
+/// Values at sites, found by point and smoothing group, or by point and leaf where a wall parts the leaves there.
 struct Values<'a> {
     index: &'a FxHashMap<(u32, u32), u32>,
+    parted: &'a FxHashMap<(u32, ElementId), u32>,
     values: &'a [Rgb],
 }
 
 impl Values<'_> {
-    fn get(&self, point: u32, group: u32) -> Option<(Rgb, Origin)> {
-        self.index.get(&(point, group)).map(|&site| (self.values[site as usize], Origin::Site(site)))
+    /// The site that a leaf has at a point for itself and others on its side of a wall.
+    fn parted(&self, point: u32, leaf: ElementId) -> Option<u32> {
+        if self.parted.is_empty() { None } else { self.parted.get(&(point, leaf)).copied() }
+    }
+
+    fn get(&self, point: u32, group: u32, parted: Option<u32>) -> Option<(Rgb, Origin)> {
+        let site = parted.or_else(|| self.index.get(&(point, group)).copied())?;
+        Some((self.values[site as usize], Origin::Site(site)))
     }
 }
 
@@ -250,6 +258,10 @@ pub struct SmoothPlan<'a> {
     builder: Builder<'a>,
     groups: Vec<u32>,
     index: FxHashMap<(u32, u32), u32>,
+    /// Sites of leaves at points where they are not those of the index.
+    parted: FxHashMap<(u32, ElementId), u32>,
+    /// For each vertex beyond a wall: the one in its place that comes first.
+    beyond: Vec<u32>,
     sites: Vec<Site>,
     /// Sites from here on are the centres of the leaves, in order.
     centres: usize,
@@ -261,11 +273,13 @@ pub struct SmoothPlan<'a> {
 }
 
 impl<'a> SmoothPlan<'a> {
-    /// Lays out the restricted mesh of the elements' leaves and finds its sites. `None` when the watch says stop.
+    /// Lays out the restricted mesh of the elements' leaves and finds its sites. Where a wall stands on a vertex it has one for
+    /// each side. `light` tells which leaves are covered as a whole. `None` when the watch says stop.
     pub fn new(
         scene: &'a Scene,
         obstacles: &impl Obstacles,
         elements: &'a Elements,
+        light: &Light,
         watch: &mut Watch<'_>,
     ) -> Option<SmoothPlan<'a>> {
         let mut builder = Builder::new(scene, elements, watch)?;
@@ -286,26 +300,21 @@ impl<'a> SmoothPlan<'a> {
                 let before = outline[(k + outline.len() - 1) % outline.len()].1;
                 let after = outline[(k + 1) % outline.len()].1;
                 let site = *index.entry((point, group)).or_insert_with(|| {
-                    corners.push(Vertex { position, leaf, towards: DVec3::ZERO, count: 0.0, angle: 0.0 });
+                    corners.push(Vertex::new(position, leaf));
                     corners.len() as u32 - 1
                 });
-                let vertex = &mut corners[site as usize];
-                vertex.angle += angle(before - position, after - position);
-                vertex.towards += centre;
-                vertex.count += 1.0;
-                let finest = elements.get(vertex.leaf);
-                if (element.area, element.path) < (finest.area, finest.path) {
-                    vertex.leaf = leaf;
-                }
-                leaves.vertices.push((site, is_corner));
+                corners[site as usize].add(leaf, angle(before - position, after - position), centre, elements);
+                leaves.vertices.push(Shared { site, is_corner, counts: true });
             }
         }
+        let mut parted = FxHashMap::default();
+        let beyond = part(&builder, obstacles, light, &mut corners, &mut leaves, &mut parted, watch)?;
         let inner: Vec<bool> = corners.iter().map(Vertex::is_inner).collect();
         let mut sites: Vec<Site> = corners.iter().map(Vertex::site).collect();
         let centres = sites.len();
         sites.extend(leaves.iter().map(|(leaf, _)| Site { position: elements.get(leaf).corners.mean(), leaf }));
         let positions = corners.iter().map(|vertex| vertex.position).collect();
-        Some(SmoothPlan { builder, groups, index, sites, centres, leaves, positions, inner })
+        Some(SmoothPlan { builder, groups, index, parted, beyond, sites, centres, leaves, positions, inner })
     }
 
     /// All places whose irradiance is asked for: vertices first, then the centres of the leaves.
@@ -326,9 +335,23 @@ impl<'a> SmoothPlan<'a> {
         &self.positions
     }
 
-    /// Each leaf with each vertex on its outline, as a site.
+    /// Each leaf with each vertex on its outline, as a site, in whose value it has a say: with few exceptions all.
     pub fn around(&self) -> impl Iterator<Item = (usize, ElementId)> {
-        self.leaves.iter().flat_map(|(leaf, vertices)| vertices.iter().map(move |&(site, _)| (site as usize, leaf)))
+        self.leaves.iter().flat_map(|(leaf, vertices)| {
+            let counting = vertices.iter().filter(|shared| shared.counts);
+            counting.map(move |shared| (shared.site as usize, leaf))
+        })
+    }
+
+    /// Values by vertex of a mesh whose vertices were not parted by walls, as vertices of this one: those of the two sides are
+    /// the same. Others as they are.
+    #[must_use]
+    pub fn with_sides(&self, mut values: Vec<Rgb>) -> Vec<Rgb> {
+        if values.len() + self.beyond.len() == self.centres {
+            let beyond: Vec<Rgb> = self.beyond.iter().map(|&first| values[first as usize]).collect();
+            values.extend(beyond);
+        }
+        values
     }
 
     /// Irradiance at the vertices from that of the leaves around them: means weighted by inverse distance to the
@@ -341,7 +364,7 @@ impl<'a> SmoothPlan<'a> {
                 return None;
             }
             let centre = elements.get(leaf).corners.mean();
-            for &(site, _) in vertices {
+            for &Shared { site, .. } in vertices.iter().filter(|shared| shared.counts) {
                 // The vertex itself, not its inset: distances to the leaves around are what counts.
                 around[site as usize].add(light.irradiance(leaf), self.sites[site as usize].position.distance(centre));
             }
@@ -354,7 +377,7 @@ impl<'a> SmoothPlan<'a> {
             }
             let centre = elements.get(leaf).corners.mean();
             let corners: Vec<u32> =
-                vertices.iter().filter(|(_, is_corner)| *is_corner).map(|&(site, _)| site).collect();
+                vertices.iter().filter(|shared| shared.is_corner).map(|shared| shared.site).collect();
             let count = corners.len();
             for (k, &site) in corners.iter().enumerate() {
                 let offsets: &[usize] = if count == 4 { &[2] } else { &[1, 2] };
@@ -381,7 +404,7 @@ impl<'a> SmoothPlan<'a> {
         for (index, (leaf, vertices)) in self.leaves.iter().enumerate() {
             if light.open_share(leaf) < 1.0 {
                 doubtful[self.centres + index] = true;
-                vertices.iter().for_each(|&(site, _)| doubtful[site as usize] = true);
+                vertices.iter().for_each(|shared| doubtful[shared.site as usize] = true);
             }
         }
         let scene = self.builder.scene;
@@ -409,12 +432,12 @@ impl<'a> SmoothPlan<'a> {
             .collect();
         let mut around = vec![(Rgb::ZERO, 0.0); self.centres];
         for (_, vertices) in self.leaves.iter() {
-            let open = vertices.iter().filter(|(site, _)| !covered[*site as usize]);
-            let (sum, count) =
-                open.fold((Rgb::ZERO, 0.0), |(sum, count), &(site, _)| (sum + values[site as usize], count + 1.0));
-            for &(site, _) in vertices.iter().filter(|(site, _)| covered[*site as usize]) {
-                around[site as usize].0 += sum;
-                around[site as usize].1 += count;
+            let sites = || vertices.iter().map(|shared| shared.site as usize);
+            let open = sites().filter(|&site| !covered[site]);
+            let (sum, count) = open.fold((Rgb::ZERO, 0.0), |(sum, count), site| (sum + values[site], count + 1.0));
+            for site in sites().filter(|&site| covered[site]) {
+                around[site].0 += sum;
+                around[site].1 += count;
             }
         }
         for (site, (sum, count)) in around.into_iter().enumerate().filter(|(_, (_, count))| *count > 0.0) {
@@ -430,7 +453,7 @@ impl<'a> SmoothPlan<'a> {
     pub fn leaf_means(&self, values: &[Gathered], covered: &[bool]) -> Vec<(ElementId, Rgb)> {
         let means = self.leaves.iter().enumerate().filter_map(|(index, (leaf, vertices))| {
             let corners: Vec<u32> =
-                vertices.iter().filter(|(_, is_corner)| *is_corner).map(|&(site, _)| site).collect();
+                vertices.iter().filter(|shared| shared.is_corner).map(|shared| shared.site).collect();
             let centre_share = if corners.len() == 4 { 2.0 / 3.0 } else { 3.0 / 4.0 };
             let corner_share = (1.0 - centre_share) / corners.len() as f64;
             let centre = (self.centres + index, centre_share);
@@ -453,8 +476,8 @@ impl<'a> SmoothPlan<'a> {
 
     /// The same, and how to find the values that the mesh has in another light.
     pub fn assemble_blending(self, values: &[Rgb], watch: &mut Watch<'_>) -> Option<(SmoothSurfaces, Blending)> {
-        let SmoothPlan { builder, groups, index, .. } = self;
-        builder.assemble(&groups, &Values { index: &index, values }, watch)
+        let SmoothPlan { builder, groups, index, parted, .. } = self;
+        builder.assemble(&groups, &Values { index: &index, parted: &parted, values }, watch)
     }
 }
 
@@ -528,13 +551,23 @@ impl Layout {
     }
 }
 
-/// For each leaf: its id, and the vertices on its outline as sites, corners marked.
+/// A vertex on the outline of a leaf.
+#[derive(Clone, Copy, Debug)]
+struct Shared {
+    site: u32,
+    /// Is it a corner of the leaf?
+    is_corner: bool,
+    /// Has the leaf a say in its value?
+    counts: bool,
+}
+
+/// For each leaf: its id, and the vertices on its outline.
 #[derive(Debug, Default)]
 struct Outlines {
     ids: Vec<ElementId>,
     /// Where the vertices of each leaf begin.
     start: Vec<u32>,
-    vertices: Vec<(u32, bool)>,
+    vertices: Vec<Shared>,
 }
 
 impl Outlines {
@@ -544,10 +577,113 @@ impl Outlines {
         self.start.push(self.vertices.len() as u32);
     }
 
-    fn iter(&self) -> impl Iterator<Item = (ElementId, &[(u32, bool)])> {
-        let ends = self.start.iter().skip(1).copied().chain([self.vertices.len() as u32]);
-        let ranges = self.start.iter().zip(ends);
-        self.ids.iter().zip(ranges).map(|(&id, (&from, to))| (id, &self.vertices[from as usize..to as usize]))
+    fn iter(&self) -> impl Iterator<Item = (ElementId, &[Shared])> {
+        (0..self.ids.len()).map(|row| (self.ids[row], &self.vertices[self.range(row)]))
+    }
+
+    /// Where the vertices of a leaf are.
+    fn range(&self, row: usize) -> Range<usize> {
+        let end = self.start.get(row + 1).map_or(self.vertices.len(), |&end| end as usize);
+        self.start[row] as usize..end
+    }
+}
+
+/// Gives leaves that a wall parts vertices of their own: appends them, writes into the outlines which is whose, and into
+/// `parted` what is not the first. Returns for each that was appended the one that was there; `None` when the watch says stop.
+fn part(
+    builder: &Builder<'_>,
+    obstacles: &impl Obstacles,
+    light: &Light,
+    corners: &mut Vec<Vertex>,
+    leaves: &mut Outlines,
+    parted: &mut FxHashMap<(u32, ElementId), u32>,
+    watch: &mut Watch<'_>,
+) -> Option<Vec<u32>> {
+    let Builder { scene, elements, .. } = *builder;
+    let plane = |leaf: ElementId| &scene.polygons[elements.get(leaf).polygon as usize].plane;
+    // Vertices that several leaves share, and where something stands on one of these.
+    let standing = Standing::new(scene);
+    let mut doubtful = vec![false; corners.len()];
+    for (leaf, vertices) in leaves.iter() {
+        if watch.step(CELL_WORK, 0.0) == Flow::Stop {
+            return None;
+        }
+        let shared = |shared: &&Shared| corners[shared.site as usize].count > 1.0;
+        if vertices.iter().any(|vertex| shared(&vertex)) && standing.on(&elements.get(leaf).corners, plane(leaf)) {
+            vertices.iter().filter(shared).for_each(|shared| doubtful[shared.site as usize] = true);
+        }
+    }
+    // Which leaves these have, as rows and places among the vertices.
+    let mut around: FxHashMap<u32, Vec<(usize, usize)>> = FxHashMap::default();
+    for row in 0..leaves.ids.len() {
+        for place in leaves.range(row) {
+            let site = leaves.vertices[place].site;
+            if doubtful[site as usize] {
+                around.entry(site).or_default().push((row, place));
+            }
+        }
+    }
+    let mut beyond = Vec::new();
+    for site in (0..doubtful.len() as u32).filter(|&site| doubtful[site as usize]) {
+        if watch.step(1.0, 0.0) == Flow::Stop {
+            return None;
+        }
+        let (places, position) = (&around[&site], corners[site as usize].position);
+        let wedge = |&(row, place): &(usize, usize)| wedge(leaves, row, place, position, corners, elements, light);
+        let wedges: Vec<Wedge> = places.iter().map(wedge).collect();
+        let normal = plane(leaves.ids[places[0].0]).normal;
+        let Some(sides) = sides(position, normal, &wedges, scene, obstacles) else { continue };
+        let point = builder.points[&key(position)];
+        for side in 0..=sides.of.iter().copied().max().unwrap_or(0) {
+            let mut vertex: Option<Vertex> = None;
+            let own = if side == 0 { site } else { corners.len() as u32 };
+            for (k, &(row, place)) in places.iter().enumerate().filter(|(k, _)| sides.of[*k] == side) {
+                let leaf = leaves.ids[row];
+                let turn = angle(wedges[k].before, wedges[k].after);
+                let made = vertex.get_or_insert_with(|| Vertex::new(position, leaf));
+                made.add(leaf, turn, elements.get(leaf).corners.mean(), elements);
+                let shared = &mut leaves.vertices[place];
+                (shared.site, shared.counts) = (own, sides.counts[k]);
+                if side > 0 {
+                    parted.insert((point, leaf), own);
+                }
+            }
+            let Some(vertex) = vertex else { continue };
+            if side == 0 {
+                corners[site as usize] = vertex;
+            } else {
+                corners.push(vertex);
+                beyond.push(site);
+            }
+        }
+    }
+    Some(beyond)
+}
+
+/// A leaf at one of the vertices on its outline.
+fn wedge(
+    leaves: &Outlines,
+    row: usize,
+    place: usize,
+    position: DVec3,
+    corners: &[Vertex],
+    elements: &Elements,
+    light: &Light,
+) -> Wedge {
+    let (leaf, range) = (leaves.ids[row], leaves.range(row));
+    let (outline, own) = (&leaves.vertices[range.clone()], place - range.start);
+    let way = |to: DVec3| to - position;
+    let next = |steps: usize| way(corners[outline[(own + steps) % outline.len()].site as usize].position);
+    let element = elements.get(leaf);
+    let number = outline[..own].iter().filter(|shared| shared.is_corner).count();
+    let across = (outline[own].is_corner && element.corners.len() == 4).then(|| way(element.corners[(number + 2) % 4]));
+    Wedge {
+        before: next(outline.len() - 1),
+        after: next(1),
+        middle: way(element.corners.mean()),
+        corners: element.corners.iter().map(|&corner| way(corner)).collect(),
+        across,
+        is_open: light.open_share(leaf) > 0.0,
     }
 }
 
@@ -563,6 +699,21 @@ struct Vertex {
 }
 
 impl Vertex {
+    fn new(position: DVec3, leaf: ElementId) -> Vertex {
+        Vertex { position, leaf, towards: DVec3::ZERO, count: 0.0, angle: 0.0 }
+    }
+
+    /// Adds a leaf, which fills so many radians about the vertex.
+    fn add(&mut self, leaf: ElementId, angle: f64, centre: DVec3, elements: &Elements) {
+        self.angle += angle;
+        self.towards += centre;
+        self.count += 1.0;
+        let (own, finest) = (elements.get(leaf), elements.get(self.leaf));
+        if (own.area, own.path) < (finest.area, finest.path) {
+            self.leaf = leaf;
+        }
+    }
+
     fn is_inner(&self) -> bool {
         // A full turn, less the rounding of about 20 corners that meet.
         self.angle > 2.0 * std::f64::consts::PI - 1e-6
@@ -711,7 +862,8 @@ impl<'a> Builder<'a> {
         for polygon in 0..self.scene.polygons.len() as u32 {
             layout.mesh.vertex_start.push(layout.mesh.positions.len() as u32);
             layout.mesh.triangle_start.push(layout.mesh.triangles.len() as u32);
-            let mut sheet = Sheet { group: groups[polygon as usize], vertices: FxHashMap::default() };
+            let (group, leaf) = (groups[polygon as usize], ElementId::NONE);
+            let mut sheet = Sheet { group, leaf, vertices: FxHashMap::default() };
             for root in self.roots_of[polygon as usize].clone() {
                 self.lay_out(root, &mut sheet, values, &mut layout, watch)?;
             }
@@ -742,6 +894,7 @@ impl<'a> Builder<'a> {
             return None;
         }
         let cell = self.cells[at as usize].clone();
+        sheet.leaf = cell.element;
         let element_is_leaf = self.elements.is_leaf(cell.element);
         let outline = self.outline(&cell.corners);
         if cell.first_child != NO_CELL {
@@ -829,7 +982,7 @@ impl<'a> Builder<'a> {
                 let (from, to) = (corner_at(k, count - 1), corner_at(k, 1));
                 let fallback = (!is_corner).then(|| {
                     let along = position.distance(from.1) / to.1.distance(from.1);
-                    let ends = [from.0, to.0].map(|corner| sheet.vertices[&corner]);
+                    let ends = [from.0, to.0].map(|corner| sheet.known(corner, values));
                     let [a, b] = ends.map(|end| layout.value(end));
                     (a * (1.0 - along) + b * along, Origin::Between(ends, along))
                 });
@@ -842,11 +995,14 @@ impl<'a> Builder<'a> {
 /// Vertices of one polygon.
 struct Sheet {
     group: u32,
-    vertices: FxHashMap<u32, u32>,
+    /// The leaf that is laid out.
+    leaf: ElementId,
+    /// By point, and by site where a wall parts the leaves there.
+    vertices: FxHashMap<(u32, Option<u32>), u32>,
 }
 
 impl Sheet {
-    /// The vertex at a point, made on first use with the point's value, or with `fallback` where it has none.
+    /// The vertex of the leaf at a point, made on first use with its value there, or with `fallback` where it has none.
     fn vertex(
         &mut self,
         point: u32,
@@ -855,10 +1011,17 @@ impl Sheet {
         fallback: Option<(Rgb, Origin)>,
         layout: &mut Layout,
     ) -> u32 {
-        *self.vertices.entry(point).or_insert_with(|| {
-            let (value, origin) = values.get(point, self.group).or(fallback).unwrap_or((Rgb::ZERO, Origin::Dark));
+        let parted = values.parted(point, self.leaf);
+        *self.vertices.entry((point, parted)).or_insert_with(|| {
+            let found = values.get(point, self.group, parted);
+            let (value, origin) = found.or(fallback).unwrap_or((Rgb::ZERO, Origin::Dark));
             layout.push(position, value, origin)
         })
+    }
+
+    /// The leaf's vertex at a point that has one.
+    fn known(&self, point: u32, values: &Values<'_>) -> u32 {
+        self.vertices[&(point, values.parted(point, self.leaf))]
     }
 }
 

@@ -8,6 +8,7 @@ mod light;
 mod mesh;
 mod pilot;
 mod progress;
+mod sides;
 mod solver;
 mod sums;
 mod trace;

@@ -9,14 +9,14 @@ const LEAF: usize = 8;
 
 /// An axis-parallel box, metres.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Box3 {
-    pub(super) low: DVec3,
-    pub(super) high: DVec3,
+pub(crate) struct Box3 {
+    pub(crate) low: DVec3,
+    pub(crate) high: DVec3,
 }
 
 impl Box3 {
     /// The smallest box around points, larger by `margin` on every side.
-    pub(super) fn around(points: impl IntoIterator<Item = DVec3>, margin: f64) -> Box3 {
+    pub(crate) fn around(points: impl IntoIterator<Item = DVec3>, margin: f64) -> Box3 {
         let empty = Box3 { low: DVec3::INFINITY, high: DVec3::NEG_INFINITY };
         let tight =
             points.into_iter().fold(empty, |all, point| Box3 { low: all.low.min(point), high: all.high.max(point) });
@@ -24,12 +24,12 @@ impl Box3 {
     }
 
     /// Do the boxes have a point in common?
-    pub(super) fn meets(&self, other: &Box3) -> bool {
+    pub(crate) fn meets(&self, other: &Box3) -> bool {
         self.low.cmple(other.high).all() && other.low.cmple(self.high).all()
     }
 
     /// Does the box meet the segment from `a` to `b`?
-    pub(super) fn meets_segment(&self, a: DVec3, b: DVec3) -> bool {
+    pub(crate) fn meets_segment(&self, a: DVec3, b: DVec3) -> bool {
         let (mut near, mut far) = (0.0, 1.0);
         for axis in 0..3 {
             let (start, step) = (a[axis], b[axis] - a[axis]);
@@ -47,7 +47,7 @@ impl Box3 {
     }
 
     /// Least and largest of `normal . x` over the box.
-    pub(super) fn extent_along(&self, normal: DVec3) -> (f64, f64) {
+    pub(crate) fn extent_along(&self, normal: DVec3) -> (f64, f64) {
         let middle = normal.dot((self.low + self.high) * 0.5);
         let half = normal.abs().dot((self.high - self.low) * 0.5);
         (middle - half, middle + half)
@@ -66,14 +66,14 @@ enum Below {
 }
 
 /// A balanced tree over boxes, split at the median along the longest side.
-pub(super) struct Boxes {
+pub(crate) struct Boxes {
     nodes: Vec<(Box3, Below)>,
     order: Vec<u32>,
     items: Vec<Box3>,
 }
 
 impl Boxes {
-    pub(super) fn new(items: Vec<Box3>) -> Boxes {
+    pub(crate) fn new(items: Vec<Box3>) -> Boxes {
         let order = (0..items.len() as u32).collect();
         let mut tree = Boxes { nodes: Vec::new(), order, items };
         if !tree.items.is_empty() {
@@ -107,13 +107,13 @@ impl Boxes {
 
     /// Calls `found` for every box that `concerns` says yes to, as long as it says to continue. `concerns` must say yes
     /// to every box around one that it says yes to.
-    pub(super) fn search(&self, concerns: impl Fn(&Box3) -> bool, found: impl FnMut(u32) -> ControlFlow<()>) {
+    pub(crate) fn search(&self, concerns: impl Fn(&Box3) -> bool, found: impl FnMut(u32) -> ControlFlow<()>) {
         self.search_along(DVec3::ZERO, concerns, found);
     }
 
     /// As [`Boxes::search`], roughly in the order in which a direction comes by: for questions that what is found makes
     /// narrower.
-    pub(super) fn search_along(
+    pub(crate) fn search_along(
         &self,
         direction: DVec3,
         concerns: impl Fn(&Box3) -> bool,
