@@ -61,6 +61,10 @@ export class Viewer {
     wires: false,
     backs: false,
   };
+  /** Hears of the picked point each time it is read, also in other light; null where none is. */
+  onTell: (reading: Reading | null) => void = () => undefined;
+  /** Hears that lights were dimmed, or are those of another solution. */
+  onRelit: () => void = () => undefined;
   private picked: Reading | null = null;
   private drawn: LinkView[] = [];
 
@@ -154,6 +158,22 @@ export class Viewer {
       if (row < 0) throw new RangeError(`there is no light '${name}'`);
       this.setWeight(row, weight);
     }
+    light.mix();
+    this.relit();
+  }
+
+  /** Factors on what the lights emit, by their names and bands. */
+  get weights(): Record<string, Bands> {
+    const { data, light } = this.known();
+    return Object.fromEntries(data.header.groups.map(({ name }, row) => [name, [...light.weights[row]!] as Bands]));
+  }
+
+  /** Sets them; names that there are not are left out. */
+  set weights(weights: Record<string, Bands>) {
+    const { data, light } = this.known();
+    data.header.groups.forEach(({ name }, row) => {
+      if (Object.hasOwn(weights, name)) light.weights[row] = [...weights[name]!];
+    });
     light.mix();
     this.relit();
   }
@@ -279,10 +299,12 @@ export class Viewer {
     any("point-values").hidden = picked === null;
     if (picked === null || solved === null) {
       this.stage.mark(null, []);
+      this.onTell(null);
       return;
     }
     const reading = solved.picker.read(picked.root, picked.point);
     this.picked = reading;
+    this.onTell(reading);
     const units = UNITS[solved.data.header.unit];
     const main = number(reading.illuminance);
     any("point-main").textContent = main;
@@ -373,6 +395,7 @@ export class Viewer {
       any(`power-${row}`).textContent = `${number(light.scalarOf(power), 3)} ${units.power}`;
     });
     if (this.picked !== null) this.tell();
+    this.onRelit();
   }
 
   private reset(): void {
