@@ -193,7 +193,7 @@ def test_luminaires_that_cannot_be_hung_are_one_line(isolux_command, tmp_path):
     ):
         refused = isolux_command("solve", office, "--lamp", wrong, "-o", out)
         assert refused.returncode == 2
-        assert "is not FILE@X,Y,Z[,ROTATION[,TILT]]" in one_line(refused)
+        assert "is neither FILE@X,Y,Z[,ROTATION[,TILT]] nor like 1500lm@X,Y,Z" in one_line(refused)
     missing = isolux_command("solve", office, "--lamp", "gone.ies@1,2,3", "-o", out)
     assert (missing.returncode, "gone.ies: cannot be read: no such file" in one_line(missing)) == (3, True)
     assert isolux_command("inspect", downlight, "--lamp", f"{downlight}@1,2,3").returncode == 2
