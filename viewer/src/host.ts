@@ -1,5 +1,5 @@
-// Talks with whoever holds the page in a frame, a notebook's widget: what is picked and how lights are dimmed go out, weights
-// come in. `python/isolux/viewer/widget.py` is the other side.
+// Talks with whoever holds the page in a frame, a notebook's widget: what is picked and how lights are dimmed go out,
+// weights come in. `python/isolux/viewer/widget.py` is the other side.
 
 import type { Bands } from "./data";
 import type { Reading } from "./pick";
@@ -11,8 +11,9 @@ interface Said {
   weights: Record<string, Bands>;
 }
 
+const isWeight = (value: unknown): value is number => typeof value === "number" && value >= 0 && value < Infinity;
 const isBands = (value: unknown): value is Bands =>
-  Array.isArray(value) && value.length === 3 && value.every((band) => typeof band === "number" && band >= 0 && band < Infinity);
+  Array.isArray(value) && value.length === 3 && value.every(isWeight);
 
 function isSaid(value: unknown): value is Said {
   if (typeof value !== "object" || value === null) return false;

@@ -318,8 +318,8 @@ impl Solution {
         Ok(Solution { inner: Arc::new(relit) })
     }
 
-    /// What a viewer draws and tells, as `isolux::Solution::view_data` packs it, with so many links and bytes of fields at most,
-    /// and light by group or in one column.
+    /// What a viewer draws and tells, as `isolux::Solution::view_data` packs it, with so many links and bytes of fields
+    /// at most, and light by group or in one column.
     fn view_data<'py>(
         &self,
         py: Python<'py>,

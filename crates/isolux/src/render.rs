@@ -60,12 +60,12 @@ const MARGIN: f64 = 1.05;
 /// Rays that tell whether an eye stands in a room.
 const ROOM_RAYS: usize = 256;
 
-/// Share of them that meets lit sides in a room; measured: 0.64 and more in the rooms of `scenes`, one of which has no front,
-/// 0.53 in a cupboard, 0.46 and less in the open beside models.
+/// Share of them that meets lit sides in a room; measured: 0.64 and more in the rooms of `scenes`, one of which has no
+/// front, 0.53 in a cupboard, 0.46 and less in the open beside models.
 const ROOM_SHARE: f64 = 0.6;
 
-/// Of what an eye in a room sees, a quarter is at least so far away, relative to half the diagonal of the scene's bounding
-/// box; measured: 0.27 and more in the rooms of `scenes`, 0.05 inside the top of a table.
+/// Of what an eye in a room sees, a quarter is at least so far away, relative to half the diagonal of the scene's
+/// bounding box; measured: 0.27 and more in the rooms of `scenes`, 0.05 inside the top of a table.
 const LEAST_ROOM: f64 = 0.15;
 
 /// Largest picture, pixels: 16,384 squared, 6 GB of linear values.
@@ -187,9 +187,9 @@ fn look_at(eye: DVec3, at: DVec3, vertical_angle: f64) -> Camera {
     Camera { name: "computed".into(), eye, forward, up: right.cross(forward), projection }
 }
 
-/// A view for scenes without a camera. Where eyes just inside the bounding box's walls stand in a room, one of them; else
-/// one from outside that shows it all. Of several the one whose picture shows most lit surface; from outside the side of
-/// +Z, a glTF model's front, goes before the others unless they show a fifth more.
+/// A view for scenes without a camera. Where eyes just inside the bounding box's walls stand in a room, one of them;
+/// else one from outside that shows it all. Of several the one whose picture shows most lit surface; from outside the
+/// side of +Z, a glTF model's front, goes before the others unless they show a fifth more.
 fn best_view(solution: &Solution) -> Camera {
     let scene = &solution.scene;
     let corners = || scene.polygons[..scene.fronts].iter().flat_map(|polygon| polygon.corners.iter());
@@ -236,8 +236,8 @@ fn from_outside(centre: DVec3, half: DVec3, direction: DVec3) -> Camera {
     look_at(centre + direction * (MARGIN * away), centre, DEFAULT_ANGLE)
 }
 
-/// Does an eye stand in a room: are lit sides all around it, and some of them not near? `size` is half the diagonal of the
-/// scene's bounding box.
+/// Does an eye stand in a room: are lit sides all around it, and some of them not near? `size` is half the diagonal of
+/// the scene's bounding box.
 fn stands_in_room(solution: &Solution, eye: DVec3, size: f64) -> bool {
     let (scene, tracer) = (&*solution.scene, solution.tracer());
     let mut distances: Vec<f64> = (0..ROOM_RAYS)

@@ -15,8 +15,9 @@ pub struct SceneViolation {
 
 impl Scene {
     /// Checks the invariants: fronts come before backs and twins know each other; normals are of unit length and
-    /// corners lie in their plane; areas are positive, and those of fronts add up to the scene's; reflectance is in `[0, 1)` and at most opacity; emission is
-    /// finite and not negative; faces and polygons name each other, and triangles have corners of their polygon.
+    /// corners lie in their plane; areas are positive, and those of fronts add up to the scene's;
+    /// reflectance is in `[0, 1)` and at most opacity; emission is finite and not negative; faces and polygons name
+    /// each other, and triangles have corners of their polygon.
     ///
     /// # Errors
     /// The first violation.
