@@ -3,6 +3,7 @@
 import * as THREE from "three";
 import { NONE, ViewData, type Bands } from "./data";
 import { bytes, count, number, percent, seconds } from "./format";
+import { Labels, placesOf, type Label, type Sight } from "./labels";
 import { hide, showLevels, showScale } from "./legend";
 import { Light } from "./light";
 import { Links, type LinkView } from "./links";
@@ -12,7 +13,7 @@ import { fitting, PALETTES, type Palette } from "./palette";
 import { Picker, type Ray, type Reading } from "./pick";
 import { claimText, stageText } from "./progress";
 import { linkColour, MOST_DRAWN, Stage, type Look, type Mode } from "./stage";
-import { areaOf, Trees } from "./tree";
+import { areaOf, subtract, Trees } from "./tree";
 
 /** Triangles that a range of values is found from. */
 const MOST_SAMPLES = 50_000;
@@ -67,6 +68,7 @@ export class Viewer {
   onRelit: () => void = () => undefined;
   private picked: Reading | null = null;
   private drawn: LinkView[] = [];
+  private readonly numbers: Labels;
 
   constructor() {
     const canvas = element("canvas", HTMLCanvasElement);
@@ -74,6 +76,11 @@ export class Viewer {
     this.navigation = new Navigation(canvas, this.stage.camera);
     this.navigation.onChange = () => this.stage.invalidate();
     this.navigation.onPick = (x, y) => this.pick(x, y);
+    this.numbers = new Labels(
+      any("numbers"),
+      () => this.places(),
+      () => this.sight(),
+    );
     this.stage.onFrame = () => this.frame();
     new ResizeObserver(() => this.resize()).observe(any("stage"));
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.ground());
@@ -219,6 +226,11 @@ export class Viewer {
     return this.known().light.mean();
   }
 
+  /** The numbers at contours that are shown. */
+  get labels(): Label[] {
+    return this.numbers.shown;
+  }
+
   get links(): LinkView[] {
     return this.drawn;
   }
@@ -256,6 +268,7 @@ export class Viewer {
   private frame(): void {
     if (this.solved === null) return;
     this.navigation.place(this.solved.data.header.origin);
+    this.numbers.frame();
     const tag = any("tag");
     tag.hidden = this.picked === null;
     if (this.picked === null) return;
@@ -264,6 +277,28 @@ export class Viewer {
     tag.hidden = at.z > 1 || Math.abs(at.x) > 1 || Math.abs(at.y) > 1;
     const [x, y] = [((at.x + 1) / 2) * clientWidth, ((1 - at.y) / 2) * clientHeight];
     tag.style.transform = `translate(${x.toFixed(1)}px, ${y.toFixed(1)}px)`;
+  }
+
+  /** Where numbers may stand at contours. */
+  private places(): ReturnType<typeof placesOf> {
+    const { look, solved } = this;
+    if (solved === null || !look.contours || look.mode === "levels") return [];
+    return placesOf(solved.data, solved.light, look.range, look.luminances);
+  }
+
+  private sight(): Sight {
+    const { header } = this.known().data;
+    this.navigation.place(header.origin);
+    const { clientWidth: width, clientHeight: height } = this.stage.canvas;
+    const eye: Bands = [...this.navigation.eye];
+    const { picker } = this.known();
+    const sees = (point: Bands): boolean => {
+      const direction = subtract(point, eye);
+      const hit = picker.hit({ origin: eye, direction }, this.look.backs);
+      // A hit at distance 1 is the point itself.
+      return hit !== null && Math.abs(hit.distance - 1) < 1e-3;
+    };
+    return { camera: this.stage.camera, eye, width, height, near: this.stage.near(), sees };
   }
 
   private resize(): void {
@@ -379,6 +414,7 @@ export class Viewer {
   private relit(): void {
     const { data, light } = this.known();
     this.stage.relit();
+    this.numbers.drop();
     const units = UNITS[data.header.unit];
     const mean = number(light.scalarOf(light.mean()));
     any("mean").textContent = `${mean} ${units.irradiance}`;
@@ -447,6 +483,7 @@ export class Viewer {
     select("palette").value = look.palette;
     select("quantity").value = look.luminances ? "luminance" : "irradiance";
     this.stage.setLook(look);
+    this.numbers.drop();
     if (this.solved !== null) this.legend();
   }
 

@@ -64,6 +64,7 @@ impl Scene {
     /// A scene from a file: glTF or OBJ. `unit` is "lm" or "W"; `light_units` is "spec", "unitless" or "blender";
     /// `up` is the file's axis that points up, "y" or "z"; `lamps` come after those of the file, in metres, with +Y up.
     #[staticmethod]
+    #[expect(clippy::too_many_arguments, reason = "one argument per setting; Python passes them in one place")]
     fn load(
         py: Python<'_>,
         path: PathBuf,

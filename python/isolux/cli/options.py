@@ -79,7 +79,9 @@ JsonTarget = Annotated[
 ]
 ProgressOption = Annotated[
     ProgressMode,
-    typer.Option("--progress", help="How to show progress; auto: a bar on terminals, lines elsewhere."),
+    typer.Option(
+        "--progress", help="How to show progress; auto: a bar on terminals, elsewhere lines after a second."
+    ),
 ]
 Units = Annotated[
     str | None,
