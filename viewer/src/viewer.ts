@@ -428,7 +428,9 @@ export class Viewer {
       slider.value = String(weight);
       if (document.activeElement !== box) box.value = String(Number(weight.toFixed(3)));
       const power = group.power.map((band, k) => band * light.weights[row]![k]!) as Bands;
-      any(`power-${row}`).textContent = `${number(light.scalarOf(power), 3)} ${units.power}`;
+      // Of a sun no power is counted.
+      const isSun = group.power.every((band) => band === 0);
+      any(`power-${row}`).textContent = isSun ? "" : `${number(light.scalarOf(power), 3)} ${units.power}`;
     });
     if (this.picked !== null) this.tell();
     this.onRelit();
