@@ -23,10 +23,13 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Lamp", "Light", "LightGroup", "LightUnits", "Material", "Polygons", "Scene", "load"]
+__all__ = ["Lamp", "Light", "LightGroup", "LightUnits", "Material", "Polygons", "Scene", "UpAxis", "load"]
 
 #: What intensities of lamps without a surface mean in a file, see `load`.
 LightUnits: TypeAlias = Literal["spec", "unitless", "blender"]
+
+#: Which of a file's axes points up.
+UpAxis: TypeAlias = Literal["y", "z"]
 
 _Vector: TypeAlias = tuple[float, float, float]
 
@@ -531,6 +534,7 @@ def load(
     emission_scale: float = 1.0,
     unit: Unit = "lm",
     light_units: LightUnits = "spec",
+    up: UpAxis = "y",
     lamps: Sequence[Lamp] = (),
 ) -> Scene:
     """Read a scene from a file.
@@ -552,8 +556,10 @@ def load(
         What the intensities of `KHR_lights_punctual` mean, as Blender's exporter offers them: ``"spec"``,
         candela and lux; ``"unitless"``, W/sr and W/m², times 683 lm/W; ``"blender"``, watts of all
         directions and W/m², times 683 lm/W (by 4 pi for points and spots).
+    up
+        The file's axis that points up. ``"z"`` turns everything about X, so that +Z becomes +Y.
     lamps
-        Lamps without a surface that are added to those of the file; places in metres.
+        Lamps without a surface that are added to those of the file; places in metres, +Y is up.
 
     Raises
     ------
@@ -567,7 +573,10 @@ def load(
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix == ".isolux":
-        raise ReadError(f"{path}: this is a solution; isolux.open reads it")
+        raise ReadError(
+            f"{path}: this is a solution, not a scene: isolux view, render, bake and report take it; "
+            "in Python isolux.open"
+        )
     if suffix in PHOTOMETRIC_SUFFIXES:
         raise ReadError(f"{path}: this is a luminaire, not a scene; isolux.read_photometry reads it")
     if suffix in OWN_SUFFIXES or not path.is_file():
@@ -578,12 +587,15 @@ def load(
                 float(emission_scale),
                 str(unit),
                 str(light_units),
+                str(up),
                 [_lamp(entry, row) for row, entry in enumerate(lamps)],
             )
         )
     from isolux.io import other_meshes  # noqa: PLC0415
 
-    return other_meshes.load(path, 1.0 if metres_per_unit is None else metres_per_unit, unit, lamps)
+    if up not in ("y", "z"):
+        raise ValueError(f"up is '{up}': expected 'y' or 'z'")
+    return other_meshes.load(path, 1.0 if metres_per_unit is None else metres_per_unit, unit, up, lamps)
 
 
 def _material(entry: Material | Mapping[str, Any], row: int) -> tuple[str, Bands, Bands, bool, float]:

@@ -508,7 +508,9 @@ class Solution:
         """
         self._inner.write_image(Path(path), floats("picture", picture), exposure)
 
-    def view_data(self, *, max_links: int | None = None, max_field_bytes: int | None = None) -> bytes:
+    def view_data(
+        self, *, max_links: int | None = None, max_field_bytes: int | None = None, groups: bool = True
+    ) -> bytes:
         """Pack what the viewer draws and tells; ``crates/isolux/src/view.rs`` describes the bytes.
 
         Parameters
@@ -518,8 +520,10 @@ class Solution:
         max_field_bytes
             Where the fields of leaves, 60 bytes for each leaf and light group, take more, they are left out,
             and the viewer reads values off the mesh. None: 256 MiB.
+        groups
+            Whether lights can be dimmed group by group; else all light is one column.
         """
-        return self._inner.view_data(max_links, max_field_bytes)
+        return self._inner.view_data(max_links, max_field_bytes, groups)
 
     def view_widget(self, *, height: int = 600) -> View:
         """Show the viewer in a notebook; needs the extra ``isolux[notebook]``.

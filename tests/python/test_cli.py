@@ -13,6 +13,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from conftest import ROOT, in_python
 from PIL import Image
 
 import isolux
+from isolux.cli.progress import showing
 
 TRACEBACK = re.compile(r"Traceback|File \"")
 COLOUR = re.compile(r"\x1b\[[0-9;]*(3[0-9]|4[0-9]|9[0-7])[0-9;]*m")
@@ -57,7 +59,8 @@ def test_version_and_script():
 def test_solve_bake_render(isolux_command, scene_file, tmp_path):
     """Catches any break in the way from a scene to its results, and words on the wrong stream."""
     folder = tmp_path / "made" / "for this"
-    solved = isolux_command("solve", scene_file, "-o", folder / "box.isolux", "--error", "0.5")
+    target = folder / "box.isolux"
+    solved = isolux_command("solve", scene_file, "-o", target, "--error", "0.5", "--progress", "plain")
     assert solved.returncode == 0, solved.stderr
     assert "converged" in solved.stdout
     assert "links" in solved.stdout
@@ -193,7 +196,7 @@ def test_luminaires_that_cannot_be_hung_are_one_line(isolux_command, tmp_path):
     ):
         refused = isolux_command("solve", office, "--lamp", wrong, "-o", out)
         assert refused.returncode == 2
-        assert "is not FILE@X,Y,Z[,ROTATION[,TILT]]" in one_line(refused)
+        assert "is neither FILE@X,Y,Z[,ROTATION[,TILT]] nor like 1500lm@X,Y,Z" in one_line(refused)
     missing = isolux_command("solve", office, "--lamp", "gone.ies@1,2,3", "-o", out)
     assert (missing.returncode, "gone.ies: cannot be read: no such file" in one_line(missing)) == (3, True)
     assert isolux_command("inspect", downlight, "--lamp", f"{downlight}@1,2,3").returncode == 2
@@ -400,6 +403,27 @@ def test_json_on_standard_output_is_alone(isolux_command, scene_file, solution_f
 
     values = json.loads(done.stdout, parse_constant=refuse)
     assert values["output"] == str(arguments[2])
+
+
+def test_short_runs_say_nothing_of_progress(capsys, monkeypatch):
+    """Catches lines in the log of a command that took no time, and a long one that tells no time left."""
+    clock = [0.0]
+    monkeypatch.setattr("isolux.cli.progress.time", SimpleNamespace(monotonic=lambda: clock[0]))
+
+    def state(done):
+        return SimpleNamespace(phase="iteration", done=done, iteration=2, residual=0.1, elements=9, links=8)
+
+    for mode, short, long in (
+        ("auto", "", " 50 %  refining, iteration 2, 8 links, 2 s left\n"),
+        ("plain", " 25 %  refining, iteration 2, 8 links, 3 s left\n", ""),
+        ("none", "", ""),
+    ):
+        clock[0] = 0.0
+        with showing(mode) as show:
+            for clock[0], done in ((0.9, 0.25), (1.9, 0.5)):
+                if show is not None:
+                    show(state(done))
+                assert capsys.readouterr().err == (short if done == 0.25 else long)
 
 
 def test_json_progress_is_json(isolux_command, scene_file, tmp_path):

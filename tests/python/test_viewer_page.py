@@ -566,3 +566,57 @@ def test_fits_a_phone(visit, files):
         "[...document.querySelectorAll('#bar button, #open')].map((b) => b.getBoundingClientRect().height)"
     )
     assert min(sizes) >= 40
+
+
+#: The numbers at contours, once there are some.
+NUMBERED = """(async () => {
+  let last = [];
+  // They come in turns; once nothing has come for a while they are there.
+  for (let k = 0, still = 0; k < 600 && still < 20; k++) {
+    await new Promise((go) => setTimeout(go, 50));
+    still = v.labels.length > 0 && v.labels.length === last.length ? still + 1 : 0;
+    last = v.labels;
+  }
+  return last;
+})()"""
+
+
+def test_contours_are_numbered(room):
+    """Catches numbers off their lines, over each other, left behind in other light, or without an end."""
+    page = room.page
+    room.ask(
+        "v.setLook({ mode: 'false-colour', palette: 'grey', range: { low: 20, high: 2000, isLog: true } })"
+    )
+    page.wait_for_timeout(300)
+    assert room.ask("v.labels") == []
+    drawn = room.picture(WIDTH - 328, HEIGHT)
+    room.ask("v.setLook({ contours: true })")
+    labels = room.ask(NUMBERED)
+    assert len(labels) > 8
+    assert len({label["text"] for label in labels}) > 3
+    off = []
+    for label in labels:
+        code = drawn[int(label["y"]), int(label["x"]), 0]
+        # A code is 2 %; a pixel beside the line counts, too.
+        off.append(abs(np.log(20 * 100 ** (code / 255) / float(label["text"].replace(",", "")))))
+    assert np.median(off) < 0.03
+    assert np.percentile(off, 80) < 0.15
+    boxes = [
+        page.evaluate(
+            "(k) => { const b = document.querySelectorAll('#numbers span')[k].getBoundingClientRect();"
+            " return [b.left, b.top, b.right, b.bottom]; }",
+            k,
+        )
+        for k in range(len(labels))
+    ]
+    for k, (left, top, right, bottom) in enumerate(boxes):
+        for other in boxes[:k]:
+            assert right <= other[0] or other[2] <= left or bottom <= other[1] or other[3] <= top
+    # Nothing changes where nothing moves; in other light they lie elsewhere; without lines there are none.
+    page.wait_for_timeout(400)
+    assert room.ask("v.labels") == labels
+    room.ask("v.dim({ window: 0 })")
+    assert room.ask(NUMBERED) != labels
+    room.ask("v.setLook({ contours: false })")
+    assert room.ask("v.labels") == []
+    assert page.locator("#numbers span").count() == 0

@@ -302,10 +302,12 @@ def test_exports_one_file(isolux_command, solution_file, lit, tmp_path):
     assert target.read_text(encoding="utf-8") == html
 
 
-def test_wrong_input_is_one_line(isolux_command, solution_file, scene_file, tmp_path):
+def test_wrong_input_is_one_line(isolux_command, solution_file, scene_file, tmp_path_factory, tmp_path):
     """Catches a traceback, or a scene that is taken for a solution."""
+    misnamed = tmp_path_factory.mktemp("misnamed") / "box.isolux"
+    misnamed.write_bytes(scene_file.read_bytes())
     for arguments, code, word in (
-        ((scene_file, "--export", tmp_path / "a.html"), 3, "not a solution"),
+        ((misnamed, "--export", tmp_path / "a.html"), 3, "not a solution"),
         ((tmp_path / "none.isolux", "--no-browser"), 3, "none.isolux"),
         ((solution_file, "--export", tmp_path / "a.pdf"), 2, ".html"),
         ((solution_file, "--export", tmp_path), 2, "--export"),

@@ -3,6 +3,7 @@
 import "./style.css";
 import { DataError } from "./data";
 import { bytes } from "./format";
+import { follow } from "./host";
 import { first, Live } from "./live";
 import { isServed, load } from "./load";
 import { any, element } from "./page";
@@ -31,6 +32,7 @@ async function begin(): Promise<Viewer> {
     }
     if (begun?.live === true) void new Live(viewer, loaded).follow();
     else viewer.show(loaded.buffer);
+    if (begun === null) follow(viewer);
     return viewer;
   } catch (error) {
     bar.hidden = true;

@@ -3,6 +3,7 @@
 import * as THREE from "three";
 import { NONE, ViewData, type Bands } from "./data";
 import { bytes, count, number, percent, seconds } from "./format";
+import { Labels, placesOf, type Label, type Sight } from "./labels";
 import { hide, showLevels, showScale } from "./legend";
 import { Light } from "./light";
 import { Links, type LinkView } from "./links";
@@ -12,7 +13,7 @@ import { fitting, PALETTES, type Palette } from "./palette";
 import { Picker, type Ray, type Reading } from "./pick";
 import { claimText, stageText } from "./progress";
 import { linkColour, MOST_DRAWN, Stage, type Look, type Mode } from "./stage";
-import { areaOf, Trees } from "./tree";
+import { areaOf, subtract, Trees } from "./tree";
 
 /** Triangles that a range of values is found from. */
 const MOST_SAMPLES = 50_000;
@@ -61,8 +62,13 @@ export class Viewer {
     wires: false,
     backs: false,
   };
+  /** Hears of the picked point each time it is read, also in other light; null where none is. */
+  onTell: (reading: Reading | null) => void = () => undefined;
+  /** Hears that lights were dimmed, or are those of another solution. */
+  onRelit: () => void = () => undefined;
   private picked: Reading | null = null;
   private drawn: LinkView[] = [];
+  private readonly numbers: Labels;
 
   constructor() {
     const canvas = element("canvas", HTMLCanvasElement);
@@ -70,6 +76,11 @@ export class Viewer {
     this.navigation = new Navigation(canvas, this.stage.camera);
     this.navigation.onChange = () => this.stage.invalidate();
     this.navigation.onPick = (x, y) => this.pick(x, y);
+    this.numbers = new Labels(
+      any("numbers"),
+      () => this.places(),
+      () => this.sight(),
+    );
     this.stage.onFrame = () => this.frame();
     new ResizeObserver(() => this.resize()).observe(any("stage"));
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.ground());
@@ -158,6 +169,22 @@ export class Viewer {
     this.relit();
   }
 
+  /** Factors on what the lights emit, by their names and bands. */
+  get weights(): Record<string, Bands> {
+    const { data, light } = this.known();
+    return Object.fromEntries(data.header.groups.map(({ name }, row) => [name, [...light.weights[row]!] as Bands]));
+  }
+
+  /** Sets them; names that there are not are left out. */
+  set weights(weights: Record<string, Bands>) {
+    const { data, light } = this.known();
+    data.header.groups.forEach(({ name }, row) => {
+      if (Object.hasOwn(weights, name)) light.weights[row] = [...weights[name]!];
+    });
+    light.mix();
+    this.relit();
+  }
+
   setLook(look: Partial<Look>): void {
     Object.assign(this.look, look);
     this.apply();
@@ -199,6 +226,11 @@ export class Viewer {
     return this.known().light.mean();
   }
 
+  /** The numbers at contours that are shown. */
+  get labels(): Label[] {
+    return this.numbers.shown;
+  }
+
   get links(): LinkView[] {
     return this.drawn;
   }
@@ -236,6 +268,7 @@ export class Viewer {
   private frame(): void {
     if (this.solved === null) return;
     this.navigation.place(this.solved.data.header.origin);
+    this.numbers.frame();
     const tag = any("tag");
     tag.hidden = this.picked === null;
     if (this.picked === null) return;
@@ -244,6 +277,28 @@ export class Viewer {
     tag.hidden = at.z > 1 || Math.abs(at.x) > 1 || Math.abs(at.y) > 1;
     const [x, y] = [((at.x + 1) / 2) * clientWidth, ((1 - at.y) / 2) * clientHeight];
     tag.style.transform = `translate(${x.toFixed(1)}px, ${y.toFixed(1)}px)`;
+  }
+
+  /** Where numbers may stand at contours. */
+  private places(): ReturnType<typeof placesOf> {
+    const { look, solved } = this;
+    if (solved === null || !look.contours || look.mode === "levels") return [];
+    return placesOf(solved.data, solved.light, look.range, look.luminances);
+  }
+
+  private sight(): Sight {
+    const { header } = this.known().data;
+    this.navigation.place(header.origin);
+    const { clientWidth: width, clientHeight: height } = this.stage.canvas;
+    const eye: Bands = [...this.navigation.eye];
+    const { picker } = this.known();
+    const sees = (point: Bands): boolean => {
+      const direction = subtract(point, eye);
+      const hit = picker.hit({ origin: eye, direction }, this.look.backs);
+      // A hit at distance 1 is the point itself.
+      return hit !== null && Math.abs(hit.distance - 1) < 1e-3;
+    };
+    return { camera: this.stage.camera, eye, width, height, near: this.stage.near(), sees };
   }
 
   private resize(): void {
@@ -279,10 +334,12 @@ export class Viewer {
     any("point-values").hidden = picked === null;
     if (picked === null || solved === null) {
       this.stage.mark(null, []);
+      this.onTell(null);
       return;
     }
     const reading = solved.picker.read(picked.root, picked.point);
     this.picked = reading;
+    this.onTell(reading);
     const units = UNITS[solved.data.header.unit];
     const main = number(reading.illuminance);
     any("point-main").textContent = main;
@@ -357,6 +414,7 @@ export class Viewer {
   private relit(): void {
     const { data, light } = this.known();
     this.stage.relit();
+    this.numbers.drop();
     const units = UNITS[data.header.unit];
     const mean = number(light.scalarOf(light.mean()));
     any("mean").textContent = `${mean} ${units.irradiance}`;
@@ -370,9 +428,12 @@ export class Viewer {
       slider.value = String(weight);
       if (document.activeElement !== box) box.value = String(Number(weight.toFixed(3)));
       const power = group.power.map((band, k) => band * light.weights[row]![k]!) as Bands;
-      any(`power-${row}`).textContent = `${number(light.scalarOf(power), 3)} ${units.power}`;
+      // Of a sun no power is counted.
+      const isSun = group.power.every((band) => band === 0);
+      any(`power-${row}`).textContent = isSun ? "" : `${number(light.scalarOf(power), 3)} ${units.power}`;
     });
     if (this.picked !== null) this.tell();
+    this.onRelit();
   }
 
   private reset(): void {
@@ -424,6 +485,7 @@ export class Viewer {
     select("palette").value = look.palette;
     select("quantity").value = look.luminances ? "luminance" : "irradiance";
     this.stage.setLook(look);
+    this.numbers.drop();
     if (this.solved !== null) this.legend();
   }
 

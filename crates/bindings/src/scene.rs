@@ -10,7 +10,7 @@ use isolux::core::scene::{
 };
 use isolux::core::units::{Rgb, Unit};
 use isolux::formats::read::luminaire::{issues, web};
-use isolux::formats::read::{LightUnits, ReadOptions, read};
+use isolux::formats::read::{LightUnits, ReadOptions, UpAxis, read};
 use isolux::photometry::Photometry as Luminaire;
 use numpy::PyReadonlyArrayDyn;
 use numpy::prelude::*;
@@ -62,8 +62,9 @@ type Triple = (f64, f64, f64);
 #[pymethods]
 impl Scene {
     /// A scene from a file: glTF or OBJ. `unit` is "lm" or "W"; `light_units` is "spec", "unitless" or "blender";
-    /// `lamps` come after those of the file, in metres.
+    /// `up` is the file's axis that points up, "y" or "z"; `lamps` come after those of the file, in metres, with +Y up.
     #[staticmethod]
+    #[expect(clippy::too_many_arguments, reason = "one argument per setting; Python passes them in one place")]
     fn load(
         py: Python<'_>,
         path: PathBuf,
@@ -71,12 +72,15 @@ impl Scene {
         emission_scale: f64,
         unit: &str,
         light_units: &str,
+        up: &str,
         lamps: Vec<LampEntry<'_>>,
     ) -> PyResult<Scene> {
+        let up =
+            UpAxis::from_name(up).ok_or_else(|| PyValueError::new_err(format!("up is '{up}': expected 'y' or 'z'")))?;
         let light_units = LightUnits::from_name(light_units).ok_or_else(|| {
             PyValueError::new_err(format!("light_units is '{light_units}': expected 'spec', 'unitless' or 'blender'"))
         })?;
-        let options = ReadOptions { metres_per_unit, emission_scale, light_units, unit: unit_of(unit)? };
+        let options = ReadOptions { metres_per_unit, emission_scale, light_units, unit: unit_of(unit)?, up };
         let file = path.clone();
         let mut input = interruptible(py, move || read(&file, &options))?.map_err(to_python)?;
         let metres = input.metres_per_unit.recip();

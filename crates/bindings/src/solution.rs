@@ -318,17 +318,18 @@ impl Solution {
         Ok(Solution { inner: Arc::new(relit) })
     }
 
-    /// What a viewer draws and tells, as `isolux::Solution::view_data` packs it, with so many links and bytes of fields at most.
-    #[pyo3(signature = (links=None, field_bytes=None))]
+    /// What a viewer draws and tells, as `isolux::Solution::view_data` packs it, with so many links and bytes of fields
+    /// at most, and light by group or in one column.
     fn view_data<'py>(
         &self,
         py: Python<'py>,
         links: Option<usize>,
         field_bytes: Option<usize>,
+        groups: bool,
     ) -> PyResult<Bound<'py, PyBytes>> {
         let usual = ViewLimits::default();
         let (links, field_bytes) = (links.unwrap_or(usual.links), field_bytes.unwrap_or(usual.field_bytes));
-        let limits = ViewLimits { links, field_bytes, ..usual };
+        let limits = ViewLimits { links, field_bytes, groups };
         let solution = self.inner.clone();
         let bytes = interruptible(py, move || solution.view_data(&limits))?;
         Ok(PyBytes::new(py, &bytes))

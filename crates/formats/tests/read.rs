@@ -9,7 +9,7 @@ use isolux_core::scene::{
     Alpha, BuildOptions, Face, Issue, IssueKind, LampShape, Projection, Scene, SceneInput, Severity, Wrap,
 };
 use isolux_core::units::Rgb;
-use isolux_formats::read::{LightUnits, MAX_FACES, ReadError, ReadOptions, read};
+use isolux_formats::read::{LightUnits, MAX_FACES, ReadError, ReadOptions, UpAxis, read};
 use proptest::prelude::*;
 use serde_json::{Value, json};
 use std::f64::consts::PI;
@@ -537,6 +537,35 @@ fn plain_materials_become_surfaces() {
     assert_eq!((scene.faces[0].surface, scene.faces[0].uv.as_ref()), (None, None));
     assert_eq!(scene.metres_per_unit, 0.01);
     assert_eq!(find(&scene, IssueKind::Assumed, "lamp", "metallicFactor is absent").severity, Severity::Note);
+}
+
+/// Catches what has +Z up turned the wrong way, mirrored, or in part: corners, cameras and lamps alike.
+#[test]
+fn what_has_z_up_is_turned() {
+    let mut glb = Glb::triangle(json!({}));
+    let light = json!({"lights": [{"type": "spot", "spot": {}}]});
+    glb.json["extensions"] = json!({"KHR_lights_punctual": light});
+    glb.json["extensionsUsed"] = json!(["KHR_lights_punctual"]);
+    glb.json["cameras"] = json!([{"type": "perspective", "perspective": {"yfov": 1.0, "znear": 0.1}}]);
+    let nodes = glb.json["nodes"].as_array_mut().unwrap();
+    let extra = nodes.len();
+    nodes.push(json!({"camera": 0, "translation": [1, 2, 3]}));
+    nodes.push(json!({"translation": [4, 5, 6], "extensions": {"KHR_lights_punctual": {"light": 0}}}));
+    glb.json["scenes"][0]["nodes"].as_array_mut().unwrap().extend([json!(extra), json!(extra + 1)]);
+    let folder = Folder::new();
+    let path = folder.write("room.glb", glb.bytes());
+    let of = |up: UpAxis| read(&path, &ReadOptions { up, ..ReadOptions::default() }).unwrap();
+    let (as_is, turned) = (of(UpAxis::Y), of(UpAxis::Z));
+    let turn = |v: DVec3| DVec3::new(v.x, v.z, -v.y);
+    assert_eq!((as_is.faces.len(), as_is.cameras.len(), as_is.lamps.len()), (1, 1, 1));
+    let corners: Vec<DVec3> = as_is.faces[0].corners.iter().map(|&corner| turn(corner)).collect();
+    assert_eq!(turned.faces[0].corners, corners);
+    assert_eq!(turned.cameras[0].eye, DVec3::new(1.0, 3.0, -2.0));
+    assert_eq!(turned.cameras[0].forward, turn(as_is.cameras[0].forward));
+    assert_eq!(turned.cameras[0].up, turn(as_is.cameras[0].up));
+    assert_eq!(turned.lamps[0].position, DVec3::new(4.0, 6.0, -5.0));
+    assert_eq!(turned.lamps[0].forward, turn(as_is.lamps[0].forward));
+    assert_eq!(turned.lamps[0].side, turn(as_is.lamps[0].side));
 }
 
 /// Catches metallic said once per face, said of a dielectric, or not told apart from an absent one.

@@ -134,6 +134,7 @@ fn scene() -> Scene {
         projection,
     };
     Scene {
+        front_area: Scene::area_of(&polygons[..fronts]),
         polygons,
         fronts,
         joined: 0,

@@ -650,6 +650,7 @@ fn read_scene(attributes: Attributes, shelf: &mut Shelf) -> Result<(Scene, Vec<b
         return Err(inconsistent("scene/object", "a polygon has no object or material"));
     }
     let mut scene = Scene {
+        front_area: Scene::area_of(&polygons[..fronts]),
         polygons,
         fronts,
         joined,

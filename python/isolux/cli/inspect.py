@@ -16,6 +16,7 @@ from isolux.cli.options import (
     NorthOption,
     SunOption,
     Units,
+    UpOption,
     load_scene,
     write_json,
 )
@@ -37,6 +38,7 @@ def inspect(
         ),
     ],
     units: Units = None,
+    up: UpOption = "y",
     light_units: LightUnitsOption = "spec",
     lamps: LampsOption = None,
     sun: SunOption = None,
@@ -67,7 +69,7 @@ def inspect(
                 option = "--lamp" if lamps is not None else "--sun"
                 raise typer.BadParameter("lamps are added to scenes, not to luminaires", param_hint=option)
             return _show_luminaire(read_photometry(scene), json)
-        loaded = load_scene(scene, units, light_units, lamps, sun, north)
+        loaded = load_scene(scene, units, light_units, lamps, sun, north, up=up)
         loaded.check()
         findings = sorted(loaded.issues + loaded.audit(), key=lambda issue: issue.severity != "warning")
         return _show(loaded, scene, findings, json)

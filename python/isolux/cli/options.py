@@ -6,6 +6,7 @@ import datetime
 import json
 import math
 import os
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -13,7 +14,8 @@ import typer
 
 from isolux import _isolux
 from isolux.cli.terminal import say
-from isolux.scene import Lamp, LightUnits, Scene, load
+from isolux.scene import Lamp, LightUnits, Scene, UpAxis, load
+from isolux.studio import lights_itself, studio_lamps
 from isolux.sun import sun_position
 
 if TYPE_CHECKING:
@@ -23,16 +25,24 @@ if TYPE_CHECKING:
 
 __all__ = [
     "GATHER_RAYS",
+    "ErrorOption",
     "GatherRays",
     "Jobs",
     "JsonTarget",
     "LampsOption",
+    "LightMode",
+    "LightOption",
     "LightUnitsOption",
+    "MemoryOption",
     "NorthOption",
     "ProgressMode",
     "ProgressOption",
+    "QualityOption",
     "SunOption",
+    "TimeOption",
     "Units",
+    "UpOption",
+    "asked_error",
     "bytes_of",
     "check_target",
     "exposure_factor",
@@ -69,7 +79,9 @@ JsonTarget = Annotated[
 ]
 ProgressOption = Annotated[
     ProgressMode,
-    typer.Option("--progress", help="How to show progress; auto: a bar on terminals, lines elsewhere."),
+    typer.Option(
+        "--progress", help="How to show progress; auto: a bar on terminals, elsewhere lines after a second."
+    ),
 ]
 Units = Annotated[
     str | None,
@@ -82,6 +94,10 @@ Units = Annotated[
     ),
 ]
 
+UpOption = Annotated[
+    UpAxis,
+    typer.Option("--up", help="The file's axis that points up: y, as in glTF, or z, as CAD has it."),
+]
 LightUnitsOption = Annotated[
     LightUnits,
     typer.Option(
@@ -98,7 +114,8 @@ LampsOption = Annotated[
         metavar="FILE@X,Y,Z[,ROTATION[,TILT]]",
         help="Hang a luminaire, IES (.ies) or EULUMDAT (.ldt), at a place in metres. It points down, "
         "its plane C0 (horizontal angle 0) along +x; ROTATION turns it about the vertical, counter-clockwise "
-        "seen from above, TILT raises it towards C0, both in degrees. May be repeated.",
+        "seen from above, TILT raises it towards C0, both in degrees. 1500lm@X,Y,Z (or W) needs no file: it "
+        "shines alike in all directions. May be repeated.",
     ),
 ]
 
@@ -121,6 +138,46 @@ NorthOption = Annotated[
     ),
 ]
 
+#: Where light comes from that is not asked for: see `LightOption`.
+LightMode = Literal["file", "auto", "studio"]
+LIGHT_HELP = (
+    "file: what the scene brings, and --lamp and --sun; studio: besides, light from four sides and a lamp in "
+    "each room; auto: studio where there is no other light."
+)
+LightOption = Annotated[LightMode, typer.Option("--light", help=LIGHT_HELP)]
+
+ErrorOption = Annotated[
+    float | None,
+    typer.Option(
+        "--error",
+        metavar="E",
+        help="Asked relative error of irradiance (RMS over surfaces).  [default: 0.05]",
+    ),
+]
+QualityOption = Annotated[
+    Literal["draft", "preview", "production", "final"] | None,
+    typer.Option("--quality", help="A name for an error: 0.2, 0.1, 0.05, 0.02."),
+]
+_WAVEFRONT = "Schedule wavefront"
+MemoryOption = Annotated[
+    str | None,
+    typer.Option(
+        "--memory",
+        metavar="BYTES",
+        help="Stop before more memory is taken, e.g. 2G or 500M (exit code 4).",
+        rich_help_panel=_WAVEFRONT,
+    ),
+]
+TimeOption = Annotated[
+    str | None,
+    typer.Option(
+        "--time",
+        metavar="SECONDS",
+        help="Stop after this time, e.g. 30s or 2m (exit code 4).",
+        rich_help_panel=_WAVEFRONT,
+    ),
+]
+
 _LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "km": 1000.0, "in": 0.0254, "ft": 0.3048}
 #: Factor on emission, and what it counts. A radiosity is pi times a radiance; readers multiply by pi.
 _EMISSIONS: dict[str, tuple[float, Unit]] = {
@@ -139,9 +196,13 @@ def load_scene(
     lamps: Sequence[str] | None = None,
     sun: str | None = None,
     north: float = 0.0,
+    light: LightMode = "file",
+    up: UpAxis = "y",
 ) -> Scene:
-    """Load a scene in the units asked for, with luminaires and the sun that are added to it."""
-    added = [_luminaire(text) for text in lamps or ()]
+    """Load a scene in the units asked for, with luminaires and the sun that are added to it.
+
+    What `light` adds is said in a line.
+    """
     length: float | None = None
     emission, unit = _EMISSIONS["cd/m2"]
     for word in () if units is None else units.split(","):
@@ -157,11 +218,54 @@ def load_scene(
                 f"'{word}' is neither a length ({', '.join(_LENGTHS)}, or metres per unit) "
                 f"nor an emission ({', '.join(_EMISSIONS)})",
             )
+    added = [_hung(text, unit) for text in lamps or ()]
     if sun is not None:
         added.append(_sun(sun, north, unit))
-    return load(
-        path, metres_per_unit=length, emission_scale=emission, unit=unit, light_units=light_units, lamps=added
+
+    def loaded() -> Scene:
+        return load(
+            path,
+            metres_per_unit=length,
+            emission_scale=emission,
+            unit=unit,
+            light_units=light_units,
+            up=up,
+            lamps=added,
+        )
+
+    scene = loaded()
+    if light == "file" or (light == "auto" and lights_itself(scene)):
+        return scene
+    studio = studio_lamps(scene)
+    why = (
+        ""
+        if light == "studio"
+        else f"what {_listed([light.object for light in scene.lights])} emits hardly meets a surface: "
+        if scene.lights
+        else f"there is no light in {path}: "
     )
+    rooms = sum(lamp.kind == "point" for lamp in studio)
+    inside = f" and by {rooms} lamp{'s' if rooms > 1 else ''} inside" if rooms else ""
+    change = "" if light == "studio" else "; --light file, --lamp and --sun change that"
+    say(f"light: {why}lit from four sides{inside}, as in a studio{change}")
+    added.extend(studio)
+    return loaded()
+
+
+def asked_error(error: float | None, quality: str | None) -> float:
+    """The error that is meant by `--error` or `--quality`."""
+    if quality is not None and error is not None:
+        raise typer.BadParameter(
+            "it and --error say the same thing twice: give one of them", param_hint="--quality"
+        )
+    return _isolux.quality_error(quality) if quality is not None else 0.05 if error is None else error
+
+
+def _listed(names: Sequence[str]) -> str:
+    """A few names in quotes, and how many more there are."""
+    names = list(dict.fromkeys(names))
+    told = ", ".join(f"'{name}'" for name in names[:3])
+    return told if len(names) <= 3 else f"{told} and {len(names) - 3} more"
 
 
 def _sun(text: str, north: float, unit: Unit) -> Lamp:
@@ -197,17 +301,34 @@ def _sun(text: str, north: float, unit: Unit) -> Lamp:
     return lamp
 
 
-def _luminaire(text: str) -> Lamp:
-    """``lamp.ies@x,y,z``, and how it is turned."""
+def _hung(text: str, unit: Unit) -> Lamp:
+    """``lamp.ies@x,y,z``, and how it is turned; or ``1500lm@x,y,z``."""
     file, at, numbers = text.rpartition("@")
+    power = re.fullmatch(r"([0-9.eE+-]+) ?(lm|W)", file)
+    if power is not None and not Path(file).exists():
+        return _bare_lamp(text, power[1], power[2], numbers, unit)
     try:
         x, y, z, *turned = (float(number) for number in numbers.split(","))
         rotation, tilt = (*turned, 0.0, 0.0)[: max(2, len(turned))]
     except ValueError:
         file = ""
     if not (file and at and all(math.isfinite(value) for value in (x, y, z, rotation, tilt))):
-        raise _wrong("--lamp", f"'{text}' is not FILE@X,Y,Z[,ROTATION[,TILT]]")
+        raise _wrong("--lamp", f"'{text}' is neither FILE@X,Y,Z[,ROTATION[,TILT]] nor like 1500lm@X,Y,Z")
     return Lamp.from_file(file, (x, y, z), rotation=rotation, tilt=tilt)
+
+
+def _bare_lamp(text: str, amount: str, counted: str, place: str, unit: Unit) -> Lamp:
+    """A lamp without a file, which shines alike in all directions."""
+    try:
+        power = float(amount)
+        x, y, z = (float(number) for number in place.split(","))
+    except ValueError:
+        power = x = y = z = math.nan
+    if not (math.isfinite(power) and power > 0.0 and all(math.isfinite(value) for value in (x, y, z))):
+        raise _wrong("--lamp", f"'{text}' is not like 1500lm@X,Y,Z")
+    if counted != unit:
+        raise _wrong("--lamp", f"'{text}' is in {counted}, but power is counted in {unit}: see --units")
+    return Lamp(name="lamp", position=(x, y, z), intensity=power / (4.0 * math.pi))
 
 
 def check_target(

@@ -23,6 +23,8 @@ __all__ = ["State", "showing"]
 
 #: Seconds between two lines where no terminal shows a bar: a log of a long run stays readable.
 _LINES_EVERY = 5.0
+#: Seconds that a run may last before such lines begin, unless they were asked for: a short one says nothing.
+_QUIET = 1.0
 _PHASES = {
     "tree": "building the tree",
     "pilot": "looking around",
@@ -78,8 +80,10 @@ def showing(mode: ProgressMode) -> Iterator[Callable[[State], None] | None]:
         yield None
     elif mode == "json":
         yield _Lines(_json_line, 0.0)
-    elif mode == "plain" or not sys.stderr.isatty():
+    elif mode == "plain":
         yield _Lines(_plain_line, _LINES_EVERY)
+    elif not sys.stderr.isatty():
+        yield _Lines(_plain_line, _LINES_EVERY, _QUIET)
     else:
         columns = (
             TextColumn("{task.description}"),
@@ -122,15 +126,18 @@ class _Clock:
 class _Lines:
     """Writes a line when a phase begins, and every so often."""
 
-    def __init__(self, line: Callable[[State, _Clock], str], every: float) -> None:
+    def __init__(self, line: Callable[[State, _Clock], str], every: float, quiet: float = 0.0) -> None:
         self._line = line
         self._every = every
+        self._quiet = quiet
         self._clock = _Clock()
         self._phase = ""
         self._next = 0.0
 
     def __call__(self, state: State) -> None:
         now = self._clock.elapsed()
+        if now < self._quiet:
+            return
         if state.phase == self._phase and now < self._next:
             return
         self._phase, self._next = state.phase, now + self._every

@@ -4,41 +4,39 @@ from __future__ import annotations
 
 from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 import typer
 
 import isolux
-from isolux import _isolux
 from isolux.cli import tables
 from isolux.cli.options import (
+    ErrorOption,
     Jobs,
     JsonTarget,
     LampsOption,
+    LightOption,
     LightUnitsOption,
+    MemoryOption,
     NorthOption,
     ProgressOption,
+    QualityOption,
     SunOption,
+    TimeOption,
     Units,
+    UpOption,
+    asked_error,
     bytes_of,
     check_target,
     load_scene,
     seconds_of,
     write_json,
 )
-from isolux.cli.progress import showing
-from isolux.cli.terminal import interrupts, say, show
+from isolux.cli.solving import ending, solved, tell_of
+from isolux.cli.terminal import interrupts, show
 from isolux.cli.view import live
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from isolux import Progress
-    from isolux.viewer.server import ViewServer
-
 __all__ = ["solve"]
-
-NOT_CONVERGED, CANCELLED = 4, 130
 
 _WAVEFRONT = "Schedule wavefront"
 _EPSILONS = "Schedule sequential, expert: epsilons"
@@ -50,16 +48,8 @@ def solve(
     out: Annotated[
         Path, typer.Option("-o", "--output", metavar="FILE", help="The solution, e.g. room.isolux.")
     ],
-    error: Annotated[
-        float | None,
-        typer.Option(
-            metavar="E", help="Asked relative error of irradiance (RMS over surfaces).  [default: 0.05]"
-        ),
-    ] = None,
-    quality: Annotated[
-        Literal["draft", "preview", "production", "final"] | None,
-        typer.Option(help="A name for an error: 0.2, 0.1, 0.05, 0.02."),
-    ] = None,
+    error: ErrorOption = None,
+    quality: QualityOption = None,
     schedule: Annotated[
         Literal["wavefront", "sequential"],
         typer.Option(
@@ -70,10 +60,12 @@ def solve(
     threads: Jobs = 0,
     seed: Annotated[int, typer.Option(metavar="N", help="Seed of every pseudo-random choice.")] = 0,
     units: Units = None,
+    up: UpOption = "y",
     light_units: LightUnitsOption = "spec",
     lamps: LampsOption = None,
     sun: SunOption = None,
     north: NorthOption = 0.0,
+    light: LightOption = "file",
     json: JsonTarget = None,
     progress: ProgressOption = "auto",
     view: Annotated[
@@ -109,22 +101,8 @@ def solve(
             rich_help_panel=_WAVEFRONT,
         ),
     ] = None,
-    memory: Annotated[
-        str | None,
-        typer.Option(
-            metavar="BYTES",
-            help="Stop before more memory is taken, e.g. 2G or 500M (exit code 4).",
-            rich_help_panel=_WAVEFRONT,
-        ),
-    ] = None,
-    time: Annotated[
-        str | None,
-        typer.Option(
-            metavar="SECONDS",
-            help="Stop after this time, e.g. 30s or 2m (exit code 4).",
-            rich_help_panel=_WAVEFRONT,
-        ),
-    ] = None,
+    memory: MemoryOption = None,
+    time: TimeOption = None,
     max_iterations: Annotated[
         int,
         typer.Option(metavar="N", help="Give up after these (exit code 4).", rich_help_panel=_EPSILONS),
@@ -216,16 +194,13 @@ def solve(
 
         isolux solve office.glb --lamp downlight.ies@5,2.7,3 --lamp spot.ldt@3,2.7,2,90,30 -o office.isolux
 
+        isolux solve model.glb --light studio -o model.isolux
+
         isolux solve studio.glb --sun 48.1,11.6@2026-06-21T17:00+02:00 --north 20 -o studio.isolux
     """
-    if quality is not None and error is not None:
-        raise typer.BadParameter(
-            "it and --error say the same thing twice: give one of them", param_hint="--quality"
-        )
-    chosen = _isolux.quality_error(quality) if quality is not None else 0.05 if error is None else error
     fields: dict[str, Any] = {
         "schedule": schedule,
-        "error": chosen,
+        "error": asked_error(error, quality),
         "dark": dark,
         "max_elements": max_elements,
         "min_area": min_area,
@@ -252,68 +227,16 @@ def solve(
     settings = isolux.Settings(**fields)
     check_target(out, scene, None, wrong=(".glb", ".gltf", ".obj", ".ply", ".vtu", ".png", ".exr"))
     with interrupts() as hand:
-        loaded = load_scene(scene, units, light_units, lamps, sun, north)
-        _tell_of_issues(loaded)
-        say(tables.power(loaded))
+        loaded = load_scene(scene, units, light_units, lamps, sun, north, light, up)
+        tell_of(loaded)
         with live(browser=browser) if view else nullcontext() as watched:
-            hand.keep()
             server = None if watched is None else watched.server
-            try:
-                with showing(progress) as hear:
-                    told = hand.hearing(hear if server is None else _telling(server, hear))
-                    pictures = None if server is None else server.picture
-                    solution = isolux.solve(loaded, settings, progress=told, pictures=pictures)
-            except isolux.Cancelled as cancelled:
-                if cancelled.solution is None or hand.presses > 1:
-                    raise KeyboardInterrupt from None
-                solution = cancelled.solution
+            solution = solved(loaded, settings, hand, progress, server)
             solution.save(out)
-            code = _show(solution, out, json)
+            report = solution.report
+            if not write_json(json, {"output": str(out), "report": report.to_dict()}):
+                show(tables.report(report, str(out)))
+            code = ending(report, f"in {out}")
             if watched is not None:
                 watched.stay(solution, hand)
             return code
-
-
-def _telling(server: ViewServer, show: Callable[[Progress], None] | None) -> Callable[[Progress], None]:
-    """Give what tells both the page and whoever shows progress."""
-
-    def tell(state: Progress) -> None:
-        server.tell(state)
-        if show is not None:
-            show(state)
-
-    return tell
-
-
-def _show(solution: isolux.Solution, out: Path, json: str | None) -> int:
-    """Show the report; the exit code says how the solve ended."""
-    report = solution.report
-    if not write_json(json, {"output": str(out), "report": report.to_dict()}):
-        show(tables.report(report, str(out)))
-    match report.status:
-        case "converged":
-            return 0
-        case "iteration-limit":
-            steps = (
-                f"{len(report.stages)} stages" if report.stages else f"{len(report.iterations)} iterations"
-            )
-            say(f"warning: not converged in {steps}; the result is in {out}")
-            return NOT_CONVERGED
-        case "bounded":
-            bound = "a bound" if report.bound is None else f"the bound --{report.bound.replace('_', '-')}"
-            say(f"warning: stopped by {bound} before it converged; the result is in {out}")
-            return NOT_CONVERGED
-        case "cancelled":
-            say(f"cancelled; what was computed is in {out}")
-            return CANCELLED
-
-
-def _tell_of_issues(scene: isolux.Scene) -> None:
-    """Warnings one by one; notes only as a number."""
-    issues = scene.issues + scene.audit()
-    warnings = [issue for issue in issues if issue.severity == "warning"]
-    for issue in warnings:
-        say(f"warning: {issue.object}: {issue.message}")
-    notes = len(issues) - len(warnings)
-    if notes:
-        say(f"{notes} note{'s' if notes > 1 else ''} on the scene (isolux inspect shows them)")

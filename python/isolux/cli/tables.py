@@ -78,6 +78,8 @@ def power(scene: Scene) -> str:
 def _lamp_power(scene: Scene) -> str:
     """Number and power of lamps without a surface."""
     suns = sum(lamp.power is None for lamp in scene.lamps)
+    if suns == len(scene.lamps):
+        return f"{suns:,} {'sun' if suns == 1 else 'suns'}, of which no power is counted"
     power = total_power(scene.lamp_power, scene.unit)
     told = f"{len(scene.lamps):,}, {power:.6g} {scene.unit} in all ({_bands(scene.lamp_power)} by band)"
     return f"{told}, {suns:,} of them suns without a power" if suns else told

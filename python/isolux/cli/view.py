@@ -1,4 +1,4 @@
-"""``isolux view``: a solution to look at, walk through and ask, in a browser."""
+"""``isolux view``: a solution to look at, walk through and ask, in a browser; a scene is solved first."""
 
 from __future__ import annotations
 
@@ -8,42 +8,107 @@ import threading
 import webbrowser
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 import isolux
 from isolux import _isolux
-from isolux.cli.options import JsonTarget, check_target, write_json
+from isolux.cli.options import (
+    ErrorOption,
+    Jobs,
+    JsonTarget,
+    LampsOption,
+    LightOption,
+    LightUnitsOption,
+    MemoryOption,
+    NorthOption,
+    ProgressOption,
+    QualityOption,
+    SunOption,
+    TimeOption,
+    Units,
+    UpOption,
+    asked_error,
+    bytes_of,
+    check_target,
+    load_scene,
+    seconds_of,
+    write_json,
+)
+from isolux.cli.solving import ending, solved, tell_of
 from isolux.cli.terminal import interrupts, say
+from isolux.scene import OWN_SUFFIXES
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from types import FrameType
 
+    from isolux.cli.options import ProgressMode
     from isolux.cli.terminal import Interrupts
     from isolux.viewer.server import ViewServer
 
 __all__ = ["live", "view"]
 
+_OF_SCENES = "Of a scene"
+#: Bytes that many mail servers take.
+_MAILED = 20_000_000
+#: What a solution file begins with.
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+
 
 def view(
-    solution: Annotated[Path, typer.Argument(metavar="SOLUTION", help="What isolux solve wrote.")],
+    source: Annotated[
+        Path,
+        typer.Argument(
+            metavar="SOLUTION|SCENE",
+            help="What isolux solve wrote; or glTF (.glb, .gltf) or OBJ, solved first.",
+        ),
+    ],
     export: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE", help="Write one .html file that shows the solution offline, and do not serve."
         ),
     ] = None,
+    small: Annotated[
+        bool,
+        typer.Option(
+            "--small",
+            help="With --export: a page to mail, without links, all lights as one, values off the picture.",
+        ),
+    ] = False,
     browser: Annotated[
         bool, typer.Option("--browser/--no-browser", help="Open a browser, or only print the address.")
     ] = True,
     json: JsonTarget = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "-o", "--output", metavar="FILE", help="Keep the solution, too.", rich_help_panel=_OF_SCENES
+        ),
+    ] = None,
+    error: ErrorOption = None,
+    quality: QualityOption = None,
+    threads: Jobs = 0,
+    units: Units = None,
+    up: UpOption = "y",
+    light_units: LightUnitsOption = "spec",
+    lamps: LampsOption = None,
+    sun: SunOption = None,
+    north: NorthOption = 0.0,
+    light: LightOption = "auto",
+    memory: MemoryOption = None,
+    time: TimeOption = None,
+    progress: ProgressOption = "auto",
 ) -> int:
     """Look at a solution in a browser: light, values at points, links, lights dimmed as you watch.
 
     The page is served to this machine alone, under an address that is printed, until Ctrl-C ends the command.
     With --export it is a file, to keep, send or put on a web site.
+
+    A scene is solved first, by schedule wavefront; a page that is not exported shows it while that goes on.
+    One that brings no light is lit as in a studio, unless --light says otherwise.
 
     For example:
         isolux view room.isolux
@@ -51,27 +116,104 @@ def view(
         isolux view room.isolux --export room.html
 
         isolux view room.isolux --no-browser
+
+        isolux view model.glb --export model.html --small
+
+        isolux view model.glb --quality preview --lamp 1500lm@0,2.4,0 --export model.html
     """
+    if small and export is None:
+        raise typer.BadParameter("it is about a page that --export writes", param_hint="--small")
     if export is not None:
-        check_target(export, solution, (".html", ".htm"), option="--export")
-        with interrupts():
-            return _export(isolux.open(solution), export, json)
+        check_target(export, source, (".html", ".htm"), option="--export")
+    if not _is_solution(source):
+        if out is not None:
+            check_target(out, source, None, wrong=(".glb", ".gltf", ".obj", ".ply", ".vtu", ".html", ".htm"))
+        settings = isolux.Settings(
+            error=asked_error(error, quality), threads=threads, memory=bytes_of(memory), time=seconds_of(time)
+        )
+        with interrupts() as hand:
+            scene = load_scene(source, units, light_units, lamps, sun, north, light, up)
+            tell_of(scene)
+            if export is None:
+                return _watch(scene, settings, hand, out, browser=browser, progress=progress, json=json)
+            solution = solved(scene, settings, hand, progress)
+            if out is not None:
+                solution.save(out)
+            return _export(solution, export, json, small=small, solved_now=True)
+    given = {
+        "--output": out,
+        "--error": error,
+        "--quality": quality,
+        "--units": units,
+        "--up": None if up == "y" else up,
+        "--lamp": lamps,
+        "--sun": sun,
+        "--light": None if light == "auto" else light,
+        "--memory": memory,
+        "--time": time,
+    }
+    for option, value in given.items():
+        if value is not None:
+            raise typer.BadParameter(f"{source} is solved already: a scene takes it", param_hint=option)
     with interrupts():
-        data = isolux.open(solution).view_data()
+        solution = isolux.open(source)
+        if export is not None:
+            return _export(solution, export, json, small=small)
+        data = solution.view_data()
     with _ending() as ended:
         _serve(data, ended, browser=browser, json=json)
     return 0
 
 
-def _export(opened: isolux.Solution, target: Path, json: str | None) -> int:
+def _is_solution(source: Path) -> bool:
+    """Tell by name, or else by what it begins with."""
+    if source.suffix.lower() in (".isolux", *OWN_SUFFIXES):
+        return source.suffix.lower() == ".isolux"
+    try:
+        with source.open("rb") as file:
+            return file.read(len(_HDF5)) == _HDF5
+    except OSError:
+        # Whoever opens it says what is wrong.
+        return True
+
+
+def _export(
+    solution: isolux.Solution, target: Path, json: str | None, *, small: bool, solved_now: bool = False
+) -> int:
     from isolux.viewer import exported  # noqa: PLC0415
 
-    data = opened.view_data()
+    data = solution.view_data(max_links=0, max_field_bytes=0, groups=False) if small else solution.view_data()
     page = exported(data)
     _isolux.write_aside(target, page)
-    if not write_json(json, {"output": str(target), "bytes": len(page), "data_bytes": len(data)}):
-        say(f"wrote {target} ({len(page) / 1e6:.1f} MB)")
-    return 0
+    told: dict[str, Any] = {"output": str(target), "bytes": len(page), "data_bytes": len(data)}
+    report = solution.report
+    if solved_now:
+        told["report"] = report.to_dict()
+    if not write_json(json, told):
+        hint = "" if small or len(page) < _MAILED else "; --small makes it smaller"
+        say(f"wrote {target} ({len(page) / 1e6:.1f} MB{hint})")
+    return ending(report, f"in {target}") if solved_now else 0
+
+
+def _watch(
+    scene: isolux.Scene,
+    settings: isolux.Settings,
+    hand: Interrupts,
+    out: Path | None,
+    *,
+    browser: bool,
+    progress: ProgressMode,
+    json: str | None,
+) -> int:
+    """Solve a scene on a page that stays until Ctrl-C."""
+    with live(browser=browser) as watched:
+        solution = solved(scene, settings, hand, progress, watched.server)
+        if out is not None:
+            solution.save(out)
+        write_json(json, {"url": watched.server.url, "report": solution.report.to_dict()})
+        code = ending(solution.report, "on the page" if out is None else f"in {out}")
+        watched.stay(solution, hand)
+        return code
 
 
 def _serve(data: bytes, ended: threading.Event, *, browser: bool, json: str | None) -> None:

@@ -15,14 +15,17 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from isolux.report import Unit
+    from isolux.scene import UpAxis
 
 __all__ = ["load"]
 
 
-def load(path: Path, metres_per_unit: float, unit: Unit, lamps: Sequence[Lamp] = ()) -> Scene:
+def load(
+    path: Path, metres_per_unit: float, unit: Unit, up: UpAxis = "y", lamps: Sequence[Lamp] = ()
+) -> Scene:
     """Read a mesh with trimesh; its objects keep their names, its materials are left behind.
 
-    `lamps` are added, their places in metres.
+    `up` is the file's axis that points up; `lamps` are added, their places in metres, +Y up.
 
     Raises
     ------
@@ -49,9 +52,12 @@ def load(path: Path, metres_per_unit: float, unit: Unit, lamps: Sequence[Lamp] =
         raise SceneError(f"{path}: no triangles in it")
     starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
     names = [str(mesh.metadata.get("name", path.stem)) for mesh in meshes]
+    vertices = np.concatenate([mesh.vertices for mesh in meshes])
+    if up == "z":
+        vertices = vertices[:, [0, 2, 1]] * [1.0, 1.0, -1.0]
     try:
         return Scene.from_arrays(
-            np.concatenate([mesh.vertices for mesh in meshes]),
+            vertices,
             np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)]),
             [Material("grey", reflectance=0.5)],
             _unique(names),

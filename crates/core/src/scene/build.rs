@@ -134,6 +134,7 @@ pub(super) fn build(input: SceneInput, options: &BuildOptions) -> Result<Scene, 
         });
     }
     let mut scene = Scene {
+        front_area: Scene::area_of(&polygons[..fronts]),
         polygons,
         fronts,
         joined,
@@ -510,7 +511,11 @@ impl Notes {
                     format!("{count} quadrilaterals are not planar and convex, cut in two; the first is face {face}")
                 }
                 IssueKind::OpacityClamped => format!("opacity {value} is not within 0 and 1, clamped"),
-                IssueKind::ReflectanceClamped => format!("reflectance {value} clamped to {MAX_REFLECTANCE}"),
+                IssueKind::ReflectanceClamped => {
+                    // What rounding adds to a mean tells nobody anything: four digits.
+                    let rounded = (value * 1e4).round() / 1e4;
+                    format!("reflectance {rounded} clamped to {MAX_REFLECTANCE}")
+                }
                 _ => format!("negative value {value} set to 0"),
             };
             self.issues.push(Issue { severity, kind, object, message });

@@ -15,8 +15,9 @@ pub struct SceneViolation {
 
 impl Scene {
     /// Checks the invariants: fronts come before backs and twins know each other; normals are of unit length and
-    /// corners lie in their plane; areas are positive; reflectance is in `[0, 1)` and at most opacity; emission is
-    /// finite and not negative; faces and polygons name each other, and triangles have corners of their polygon.
+    /// corners lie in their plane; areas are positive, and those of fronts add up to the scene's;
+    /// reflectance is in `[0, 1)` and at most opacity; emission is finite and not negative; faces and polygons name
+    /// each other, and triangles have corners of their polygon.
     ///
     /// # Errors
     /// The first violation.
@@ -55,6 +56,9 @@ impl Scene {
                     return fail("faces and polygons name each other");
                 }
             }
+        }
+        if self.fronts > self.polygons.len() || self.front_area != Scene::area_of(&self.polygons[..self.fronts]) {
+            return Err(SceneViolation { polygon: 0, what: "areas of fronts add up to the scene's" });
         }
         for (face, &polygon) in self.face_polygon.iter().enumerate().filter(|&(_, &owner)| owner != Scene::NO_POLYGON) {
             let fail = |what| Err(SceneViolation { polygon, what });

@@ -27,6 +27,7 @@ pub(super) fn hash(scene: &Scene) -> [u8; 32] {
         face_polygon,
         issues: _,
         diameter,
+        front_area: _,
         unit,
         hash: _,
         name: _,

@@ -60,6 +60,8 @@ pub struct Scene {
     pub issues: Vec<Issue>,
     /// Diagonal of the bounding box of all polygons, metres: the length that every tolerance is relative to.
     pub diameter: f64,
+    /// Total area of all fronts, m², see [`Scene::area_of`]: asked for at every element, so it is summed once.
+    pub front_area: f64,
     /// What the power of its lights is counted in.
     pub unit: Unit,
     /// SHA-256 over everything that a result depends on or is read by, see [`Scene::compute_hash`]: equal hashes mean
@@ -97,7 +99,13 @@ impl Scene {
     /// Total area of all fronts, m².
     #[must_use]
     pub fn area(&self) -> f64 {
-        self.polygons[..self.fronts].iter().map(|polygon| polygon.area).sum()
+        self.front_area
+    }
+
+    /// The sum of the areas of polygons, m².
+    #[must_use]
+    pub fn area_of(polygons: &[Polygon]) -> f64 {
+        polygons.iter().map(|polygon| polygon.area).sum()
     }
 
     /// The scale-aware distance below which two points count as touching, metres: rays neither start nor hit closer

@@ -39,6 +39,7 @@ pub fn scene(polygons: Vec<Polygon>) -> Scene {
     let upper = points().fold(DVec3::NEG_INFINITY, DVec3::max);
     Scene {
         fronts: polygons.len(),
+        front_area: Scene::area_of(&polygons),
         joined: 0,
         polygons,
         objects: vec![Object { name: "all".into() }],

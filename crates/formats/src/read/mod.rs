@@ -16,7 +16,8 @@ mod texture;
 pub use error::ReadError;
 
 use error::{brief, clean, display};
-use isolux_core::scene::{Issue, IssueKind, SceneInput, Severity};
+use isolux_core::DVec3;
+use isolux_core::scene::{Camera, Issue, IssueKind, Lamp, SceneInput, Severity};
 use isolux_core::units::Unit;
 use std::path::Path;
 
@@ -31,11 +32,55 @@ pub struct ReadOptions {
     pub light_units: LightUnits,
     /// What the file counts power in; both formats mean lumens, where they mean anything.
     pub unit: Unit,
+    /// Which of the file's axes points up.
+    pub up: UpAxis,
 }
 
 impl Default for ReadOptions {
     fn default() -> ReadOptions {
-        ReadOptions { metres_per_unit: None, emission_scale: 1.0, light_units: LightUnits::Spec, unit: Unit::default() }
+        ReadOptions {
+            metres_per_unit: None,
+            emission_scale: 1.0,
+            light_units: LightUnits::Spec,
+            unit: Unit::default(),
+            up: UpAxis::Y,
+        }
+    }
+}
+
+/// Which of a file's axes points up.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum UpAxis {
+    /// +Y, as in glTF, and as here.
+    #[default]
+    Y,
+    /// +Z, as CAD and robotics have it: everything is turned about X, so that +Z becomes +Y and +Y becomes -Z.
+    Z,
+}
+
+impl UpAxis {
+    /// The axis of that name: `y`, `z`.
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<UpAxis> {
+        match name {
+            "y" => Some(UpAxis::Y),
+            "z" => Some(UpAxis::Z),
+            _ => None,
+        }
+    }
+}
+
+/// Turns what has +Z up, so that +Y is.
+fn turn_up(scene: &mut SceneInput) {
+    let turned = |vector: DVec3| DVec3::new(vector.x, vector.z, -vector.y);
+    for corner in scene.faces.iter_mut().flat_map(|face| &mut face.corners) {
+        *corner = turned(*corner);
+    }
+    for Camera { eye, forward, up, .. } in &mut scene.cameras {
+        (*eye, *forward, *up) = (turned(*eye), turned(*forward), turned(*up));
+    }
+    for Lamp { position, forward, side, .. } in &mut scene.lamps {
+        (*position, *forward, *side) = (turned(*position), turned(*forward), turned(*side));
     }
 }
 
@@ -99,6 +144,9 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<SceneInput, ReadError>
         }
         None => return Err(ReadError::UnknownFormat { file: display(path), found: "no extension".to_owned() }),
     };
+    if options.up == UpAxis::Z {
+        turn_up(&mut scene);
+    }
     scene.unit = options.unit;
     scene.name = path.file_stem().map_or_else(|| "scene".to_owned(), |stem| clean(&stem.to_string_lossy()));
     Ok(scene)

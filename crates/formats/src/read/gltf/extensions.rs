@@ -66,7 +66,7 @@ pub(super) fn check_required(file: &str, root: &Root) -> Result<(), ReadError> {
 pub(super) fn unsupported(file: &str, name: &str) -> ReadError {
     let remedy = match name {
         "KHR_draco_mesh_compression" | "EXT_meshopt_compression" | "KHR_meshopt_compression" => {
-            "export it again without mesh compression"
+            "unpack it first (npx @gltf-transform/cli copy IN.glb OUT.glb), or export it without mesh compression"
         }
         "KHR_texture_basisu" | "MSFT_texture_dds" | "EXT_texture_avif" => {
             "export it again with PNG, JPEG or WebP textures"
