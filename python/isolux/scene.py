@@ -15,6 +15,7 @@ from isolux._arrays import floats, integers
 from isolux.exceptions import ReadError
 from isolux.photometry import PHOTOMETRIC_SUFFIXES, Photometry, read_photometry
 from isolux.report import Bands, Issue, Unit
+from isolux.sky import Sky
 from isolux.sun import clear_sun, sun_direction, sun_position
 
 if TYPE_CHECKING:
@@ -310,6 +311,7 @@ class Scene:
         face_materials: ArrayLike | None = None,
         face_objects: ArrayLike | None = None,
         lamps: Sequence[Lamp] = (),
+        sky: Sky | None = None,
         metres_per_unit: float = 1.0,
         unit: Unit = "lm",
         name: str = "arrays",
@@ -334,6 +336,8 @@ class Scene:
             (m,) index into `names`.
         lamps
             Lamps without a surface, in the unit of `vertices`; schedule ``"wavefront"`` alone knows them.
+        sky
+            The sky and the ground, as lamps.
         metres_per_unit
             Length of the unit of `vertices`, metres.
         unit
@@ -391,6 +395,7 @@ class Scene:
                 metres_per_unit=float(metres_per_unit),
                 unit=str(unit),
                 lamps=[_lamp(entry, row) for row, entry in enumerate(lamps)],
+                sky=_sky(sky),
             )
         )
 
@@ -460,6 +465,14 @@ class Scene:
         ]
 
     @property
+    def sky(self) -> Sky | None:
+        """The sky and the ground; None where there is none."""
+        if self._inner.sky is None:
+            return None
+        name, sun, gradation, indicatrix, radiance, ground = self._inner.sky
+        return Sky(gradation, indicatrix, radiance, sun=sun, ground=ground, name=name)
+
+    @property
     def lamp_power(self) -> Bands:
         """Power of all lamps without a surface per band, in `unit`; of suns nothing is counted."""
         return self._inner.lamp_power
@@ -520,7 +533,7 @@ class Scene:
 
     def __repr__(self) -> str:
         polygons = self.polygons
-        lights = len(self.lights) + len(self.lamps)
+        lights = len(self.lights) + len(self.lamps) + (self._inner.sky is not None)
         return f"<isolux.Scene '{self.name}': {polygons.fronts} polygons, {lights} lights>"
 
 
@@ -532,6 +545,7 @@ def load(
     unit: Unit = "lm",
     light_units: LightUnits = "spec",
     lamps: Sequence[Lamp] = (),
+    sky: Sky | None = None,
 ) -> Scene:
     """Read a scene from a file.
 
@@ -554,6 +568,8 @@ def load(
         directions and W/m², times 683 lm/W (by 4 pi for points and spots).
     lamps
         Lamps without a surface that are added to those of the file; places in metres.
+    sky
+        The sky and the ground; no file has one.
 
     Raises
     ------
@@ -579,11 +595,12 @@ def load(
                 str(unit),
                 str(light_units),
                 [_lamp(entry, row) for row, entry in enumerate(lamps)],
+                _sky(sky),
             )
         )
     from isolux.io import other_meshes  # noqa: PLC0415
 
-    return other_meshes.load(path, 1.0 if metres_per_unit is None else metres_per_unit, unit, lamps)
+    return other_meshes.load(path, 1.0 if metres_per_unit is None else metres_per_unit, unit, lamps, sky)
 
 
 def _material(entry: Material | Mapping[str, Any], row: int) -> tuple[str, Bands, Bands, bool, float]:
@@ -619,6 +636,25 @@ def _lamp(
         _bands(f"lamps[{row}].intensity", entry.intensity),
         (float(entry.inner_angle), float(entry.outer_angle)),
     ), None if entry.photometry is None else entry.photometry._inner
+
+
+def _sky(
+    sky: Sky | None,
+) -> tuple[str, _Vector, _Vector, tuple[float, float, float, float], Bands, Bands] | None:
+    """As the extension takes it."""
+    if sky is None:
+        return None
+    if not isinstance(sky, Sky):
+        raise TypeError(f"sky is a {type(sky).__name__}: expected isolux.Sky")
+    base, c, d, e = (float(value) for value in sky.indicatrix)
+    return (
+        str(sky.name),
+        _vector("sky.sun", sky.sun),
+        _vector("sky.gradation", sky.gradation),
+        (base, c, d, e),
+        _bands("sky.radiance", sky.radiance),
+        _bands("sky.ground", sky.ground),
+    )
 
 
 def _vector(name: str, value: Sequence[float]) -> tuple[float, float, float]:

@@ -12,12 +12,15 @@ import isolux
 from isolux import _isolux
 from isolux.cli import tables
 from isolux.cli.options import (
+    GroundOption,
     Jobs,
     JsonTarget,
     LampsOption,
     LightUnitsOption,
     NorthOption,
     ProgressOption,
+    SkyIlluminanceOption,
+    SkyOption,
     SunOption,
     Units,
     bytes_of,
@@ -74,6 +77,9 @@ def solve(
     lamps: LampsOption = None,
     sun: SunOption = None,
     north: NorthOption = 0.0,
+    sky: SkyOption = None,
+    sky_illuminance: SkyIlluminanceOption = None,
+    ground: GroundOption = None,
     json: JsonTarget = None,
     progress: ProgressOption = "auto",
     view: Annotated[
@@ -217,6 +223,10 @@ def solve(
         isolux solve office.glb --lamp downlight.ies@5,2.7,3 --lamp spot.ldt@3,2.7,2,90,30 -o office.isolux
 
         isolux solve studio.glb --sun 48.1,11.6@2026-06-21T17:00+02:00 --north 20 -o studio.isolux
+
+        isolux solve studio.glb --sky cie:16 --sky-illuminance 10000 -o overcast.isolux
+
+        isolux solve studio.glb --sun 48.1,11.6@2026-06-21T17:00+02:00 --sky perez:700,120 -o clear.isolux
     """
     if quality is not None and error is not None:
         raise typer.BadParameter(
@@ -252,7 +262,7 @@ def solve(
     settings = isolux.Settings(**fields)
     check_target(out, scene, None, wrong=(".glb", ".gltf", ".obj", ".ply", ".vtu", ".png", ".exr"))
     with interrupts() as hand:
-        loaded = load_scene(scene, units, light_units, lamps, sun, north)
+        loaded = load_scene(scene, units, light_units, lamps, sun, north, sky, sky_illuminance, ground)
         _tell_of_issues(loaded)
         say(tables.power(loaded))
         with live(browser=browser) if view else nullcontext() as watched:

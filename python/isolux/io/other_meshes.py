@@ -15,11 +15,14 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from isolux.report import Unit
+    from isolux.sky import Sky
 
 __all__ = ["load"]
 
 
-def load(path: Path, metres_per_unit: float, unit: Unit, lamps: Sequence[Lamp] = ()) -> Scene:
+def load(
+    path: Path, metres_per_unit: float, unit: Unit, lamps: Sequence[Lamp] = (), sky: Sky | None = None
+) -> Scene:
     """Read a mesh with trimesh; its objects keep their names, its materials are left behind.
 
     `lamps` are added, their places in metres.
@@ -57,6 +60,7 @@ def load(path: Path, metres_per_unit: float, unit: Unit, lamps: Sequence[Lamp] =
             _unique(names),
             face_objects=np.repeat(np.arange(len(meshes)), [len(mesh.faces) for mesh in meshes]),
             lamps=[_in_units(entry, metres_per_unit) for entry in lamps],
+            sky=sky,
             metres_per_unit=metres_per_unit,
             unit=unit,
             name=path.stem,
