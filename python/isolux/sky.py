@@ -256,13 +256,12 @@ class Sky:
         if sun is None and (pattern[1][1] != 0.0 or pattern[1][3] != 0.0):
             raise ValueError(f"a sky of kind {kind} is brighter towards the sun: it needs a sun")
         toward = _unit((0.0, 1.0, 0.0) if sun is None else sun)
-        if (horizontal is None) == (zenith is None):
-            raise ValueError("a sky needs a horizontal illuminance or a luminance of the zenith: one of both")
-        if horizontal is not None:
+        if horizontal is not None and zenith is None:
             measure, given = _isolux.sky_horizontal(*pattern, toward[1]), horizontal
-        else:
-            assert zenith is not None
+        elif zenith is not None and horizontal is None:
             measure, given = _isolux.sky_pattern(*pattern, 1.0, toward[1]), zenith
+        else:
+            raise ValueError("a sky needs a horizontal illuminance or a luminance of the zenith: one of both")
         return cls(*pattern, radiance=_over(given, measure), sun=toward, ground=ground, name=name)
 
     @classmethod

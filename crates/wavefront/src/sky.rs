@@ -394,7 +394,9 @@ impl Lookout<'_> {
         let (rough, fine) = (sum(2), sum(4));
         let apart: f32 = (0..2).map(|part| self.dome.strength[part] * (fine[part] - rough[part]).abs()).sum();
         let most = PI * (self.dome.strength[SKY] + self.dome.strength[GROUND]);
-        if cuts == 0 || apart <= INTEGRAL * most {
+        // Across the horizon both may be wrong alike.
+        let is_cut = fine[SKY] > 0.0 && fine[GROUND] > 0.0;
+        if cuts == 0 || apart <= INTEGRAL * most && !is_cut {
             return fine;
         }
         let half = 0.5 * size;

@@ -127,9 +127,9 @@ SkyOption = Annotated[
     typer.Option(
         "--sky",
         metavar="uniform|cie:TYPE|cie:A,B,C,D,E|perez:DNI,DHI",
-        help="Add the sky: the same from everywhere; a CIE standard general sky, type 1 (overcast) to 15 or 16 "
-        "(traditional overcast), or by its coefficients; or the all-weather model by irradiances in W/m², of "
-        "the sun on a surface that faces it and of the sky on level ground. Those that are brighter towards "
+        help="Add the sky: the same from everywhere; a CIE standard general sky, type 1 (overcast) to 15 or "
+        "16 (traditional overcast), or by its coefficients; or the all-weather model by irradiances in "
+        "W/m², of the sun on a surface that faces it and of the sky on level ground. Those that are brighter towards "
         "the sun need --sun; perez makes it as bright as DNI says, unless it has =LUX.",
     ),
 ]
@@ -138,7 +138,7 @@ SkyIlluminanceOption = Annotated[
     typer.Option(
         "--sky-illuminance",
         metavar="LUX",
-        help="What the sky throws on level ground that sees all of it (with watts: W/m²): for uniform and cie.",
+        help="What the sky throws on level ground that sees all of it (with watts: W/m²): uniform and cie.",
     ),
 ]
 GroundOption = Annotated[
@@ -146,7 +146,8 @@ GroundOption = Annotated[
     typer.Option(
         "--ground",
         metavar="SHARE",
-        help="Reflectance of the ground below the horizon, which sky and sun light, for --sky.  [default: 0.2]",
+        help="Reflectance of the ground below the horizon, which sky and sun light, with --sky.  "
+        "[default: 0.2]",
     ),
 ]
 
