@@ -129,8 +129,8 @@ SkyOption = Annotated[
         metavar="uniform|cie:TYPE|cie:A,B,C,D,E|perez:DNI,DHI",
         help="Add the sky: the same from everywhere; a CIE standard general sky, type 1 (overcast) to 15 or "
         "16 (traditional overcast), or by its coefficients; or the all-weather model by irradiances in "
-        "W/m², of the sun on a surface that faces it and of the sky on level ground. Those that are brighter towards "
-        "the sun need --sun; perez makes it as bright as DNI says, unless it has =LUX.",
+        "W/m², of the sun on a surface that faces it and of the sky on level ground. Those that are "
+        "brighter towards the sun need --sun; perez makes it as bright as DNI says, unless it has =LUX.",
     ),
 ]
 SkyIlluminanceOption = Annotated[
