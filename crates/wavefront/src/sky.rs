@@ -394,8 +394,15 @@ impl Lookout<'_> {
         let (rough, fine) = (sum(2), sum(4));
         let apart: f32 = (0..2).map(|part| self.dome.strength[part] * (fine[part] - rough[part]).abs()).sum();
         let most = PI * (self.dome.strength[SKY] + self.dome.strength[GROUND]);
-        // Across the horizon both may be wrong alike.
-        let is_cut = fine[SKY] > 0.0 && fine[GROUND] > 0.0;
+        // Across the horizon both may be wrong alike, and all in the same sense where it only clips corners.
+        let along = [0.0, 0.5, 1.0];
+        let mut parts =
+            along.iter().flat_map(|a| along.map(|b| self.dome.at(self.map.at(x + size * a, y + size * b)).0));
+        let is_cut = if fine[SKY] > 0.0 {
+            fine[GROUND] > 0.0 || parts.any(|part| part == GROUND)
+        } else {
+            parts.any(|part| part == SKY)
+        };
         if cuts == 0 || apart <= INTEGRAL * most && !is_cut {
             return fine;
         }
