@@ -229,7 +229,7 @@ fn a_hole_in_the_roof_counts_by_its_form_factor() {
     let sides = [(0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 4.0), (0.0, 0.0)];
     for pair in sides.windows(2) {
         let [(a, b), (c, d)] = [pair[0], pair[1]];
-        input.face(walls, paint, &[v(c, 0.0, d), v(a, 0.0, b), v(a, 3.0, b), v(c, 3.0, d)]);
+        input.face(walls, paint, &[v(a, 0.0, b), v(c, 0.0, d), v(c, 3.0, d), v(a, 3.0, b)]);
     }
     let scene = scene(SceneInput { sky: sky(SkyPattern::UNIFORM, 0.0), ..input });
     let solution = solved(&scene, &asked(0.05));
