@@ -158,8 +158,8 @@ class Builder:
             self.names.append(name)
         return self
 
-    def scene(self, lamps: Sequence[isolux.Lamp] = ()) -> isolux.Scene:
-        """The scene, with lamps that have no surface."""
+    def scene(self, lamps: Sequence[isolux.Lamp] = (), sky: isolux.Sky | None = None) -> isolux.Scene:
+        """The scene, with lamps that have no surface and a sky."""
         return isolux.Scene.from_arrays(
             np.array(self.vertices),
             self.faces,
@@ -167,6 +167,7 @@ class Builder:
             self.names,
             face_materials=self.rows,
             lamps=lamps,
+            sky=sky,
             name=self.name,
         )
 
@@ -754,6 +755,200 @@ def cie_interreflection(solve: Solve) -> list[Row]:
     return rows
 
 
+#: Types of the CIE general sky that openings are looked through, with the coefficients a to e of table 1 of
+#: ISO 15469, as this script has them: overcast, uniform, partly cloudy, clear, turbid.
+SKIES = {
+    1: (4.0, -0.70, 0.0, -1.0, 0.0),
+    5: (0.0, -1.0, 0.0, -1.0, 0.0),
+    8: (0.0, -1.0, 10.0, -3.0, 0.45),
+    12: (-1.0, -0.32, 10.0, -3.0, 0.45),
+    15: (-1.0, -0.15, 24.0, -2.8, 0.15),
+}
+#: Illuminance of level ground below all of the sky, so that values are in per cent of it.
+LEVEL = 100.0
+#: Reflectance of the ground before a facade.
+GROUND = 0.3
+#: Towards the sun, 60 degrees high, 45 degrees off the facade.
+TO_SUN = np.array([0.5 * math.sqrt(0.5), math.sqrt(0.75), 0.5 * math.sqrt(0.5)])
+#: An opening of a facade: x and y, at z = 4.
+OPENING = (1.0, 3.0, 1.0, 2.0)
+
+
+def sky_luminance(kind: int, directions: Array) -> Array:
+    """The standard's luminance over that of the zenith, by directions above the horizon (CIE S 011)."""
+    a, b, c, d, e = SKIES[kind]
+    height = np.maximum(directions[..., 1], 1e-9)
+    from_sun = np.arccos(np.clip(directions @ TO_SUN, -1, 1))
+    sun_zenith = math.acos(TO_SUN[1])
+
+    def gradation(cosine: ArrayLike) -> Array:
+        return 1 + a * np.exp(b / np.asarray(cosine, float))
+
+    def indicatrix(angle: ArrayLike) -> Array:
+        x = np.asarray(angle, float)
+        return 1 + c * (np.exp(d * x) - math.exp(d * math.pi / 2)) + e * np.cos(x) ** 2
+
+    return gradation(height) * indicatrix(from_sun) / (gradation(1.0) * indicatrix(sun_zenith))
+
+
+def sky_level(kind: int, count: int = 1000) -> float:
+    """What that sky throws on level ground: midpoints in the squared sine from the zenith, and around."""
+    square = (np.arange(count) + 0.5)[:, None] / count
+    turn = 2 * math.pi * (np.arange(count) + 0.5)[None, :] / count
+    run = np.sqrt(square)
+    up = np.broadcast_to(np.sqrt(1 - square), (count, count))
+    directions = np.stack([run * np.cos(turn), up, run * np.sin(turn)], axis=-1)
+    return math.pi * float(sky_luminance(kind, directions).mean())
+
+
+def through(
+    kind: int,
+    points: ArrayLike,
+    normal: ArrayLike,
+    opening: Array,
+    hides: Callable[[Array, Array], Array] | None = None,
+    count: int = 600,
+) -> Array:
+    """What comes to points through a rectangular opening: midpoints of count x count parts of it.
+
+    `opening`: a corner and two sides. `hides(places, directions)`: does something stand beyond the opening?
+    """
+    corner, u, v = opening
+    along = (np.arange(count) + 0.5) / count
+    places = corner + along[:, None, None] * u + along[None, :, None] * v
+    out = np.cross(u, v)
+    unit = LEVEL / sky_level(kind)
+    found = []
+    for point in np.asarray(points, float).reshape(-1, 3):
+        towards = places - point
+        square = (towards**2).sum(axis=-1)
+        directions = towards / np.sqrt(square)[..., None]
+        radiance = np.where(
+            directions[..., 1] > 0, unit * sky_luminance(kind, directions), GROUND * LEVEL / math.pi
+        )
+        if hides is not None:
+            radiance = np.where(hides(places, directions), 0, radiance)
+        cosine = np.clip(directions @ np.asarray(normal, float), 0, None)
+        found.append(float((radiance * cosine * np.abs(directions @ out) / square).sum()) / count**2)
+    return np.array(found)
+
+
+def skies(
+    solve: Solve,
+    build: Callable[[], Builder],
+    spots: dict[str, tuple[list[Any], ArrayLike, ArrayLike]],
+    opening: Array,
+    hides: Callable[[Array, Array], Array] | None = None,
+) -> list[Row]:
+    """Rows of points by surface (what they are called, where they are, normal) under each sky."""
+    rows = []
+    for kind in SKIES:
+        sky = isolux.Sky.cie(kind, horizontal=LEVEL, sun=tuple(TO_SUN), ground=GROUND)
+        solution = solve(build().scene(sky=sky))
+        for name, (places, points, normal) in spots.items():
+            label = {"floor": "floor", "back": "wall"}[name]
+            expected = through(kind, points, normal, opening, hides)
+            rows += surface_rows(f"type {kind}, {label} at", solution, name, places, points, expected)
+    return rows
+
+
+ON_FLOOR_LINE: list[Any] = [0.5, 1.5, 2.5, 3.5]
+ON_WALL_LINE: list[Any] = [0.5, 1.5, 2.5]
+
+
+def cie_roof(solve: Solve) -> list[Row]:
+    """5.9, an opening in the roof."""
+    spots = {
+        "floor": (ON_FLOOR_LINE, [(x, 0, 2) for x in ON_FLOOR_LINE], (0, 1, 0)),
+        "back": (ON_WALL_LINE, [(2, y, 0) for y in ON_WALL_LINE], (0, 0, 1)),
+    }
+    opening = np.array([[1.5, 3, 1.5], [1, 0, 0], [0, 0, 1]])
+    return skies(solve, lambda: frame(cie_room("5.9", 0.0, ceiling=False), 0.0), spots, opening)
+
+
+def facade(name: str) -> Builder:
+    """A black room of 4 x 4 x 3 m with an opening in its wall at z = 4."""
+    build = Builder(name).add("floor", floor(0, 4, 0, 4)).add("ceiling", floor(0, 4, 0, 4, 3, down=True))
+    for side, wall in walls(4, 3, 4).items():
+        if side != "front":
+            build.add(side, wall)
+    x0, x1, y0, y1 = OPENING
+    for left, right, low, high in ((0, 4, 0, y0), (0, 4, y1, 3), (0, x0, y0, y1), (x1, 4, y0, y1)):
+        build.add("front", rectangle([left, low, 4], [0, high - low, 0], [right - left, 0, 0]))
+    return build
+
+
+def facade_rows(
+    solve: Solve, name: str, mask: Array | None = None, hides: Callable[[Array, Array], Array] | None = None
+) -> list[Row]:
+    """Points of floor and wall behind the opening."""
+
+    def build() -> Builder:
+        made = facade(name)
+        return made if mask is None else made.add("mask", mask)
+
+    x0, x1, y0, y1 = OPENING
+    spots = {
+        "floor": (ON_FLOOR_LINE, [(2, 0, z) for z in ON_FLOOR_LINE], (0, 1, 0)),
+        "back": (ON_WALL_LINE, [(2, y, 0) for y in ON_WALL_LINE], (0, 0, 1)),
+    }
+    opening = np.array([[x0, y0, 4], [x1 - x0, 0, 0], [0, y1 - y0, 0]])
+    return skies(solve, build, spots, opening, hides)
+
+
+def cie_facade(solve: Solve) -> list[Row]:
+    """5.11, an opening in a facade."""
+    return facade_rows(solve, "5.11")
+
+
+#: Depth of the roof above the opening; how far the wall before it stands off, and how high it is; x of both.
+#: They are no larger because the asked error is one of the mean over all surfaces, and theirs are bright.
+DEPTH, DISTANCE, HIGH = 1.0, 3.0, 3.0
+MASK = (-1.0, 5.0)
+
+
+def cie_overhang(solve: Solve) -> list[Row]:
+    """5.13, a roof over the opening."""
+
+    def hides(places: Array, directions: Array) -> Array:
+        # Where a ray is as high as the roof, over the facade.
+        up = np.maximum(directions[..., 1], 1e-12)
+        far = (OPENING[3] - places[..., 1]) / up
+        beside = places[..., 0] + far * directions[..., 0]
+        within = (beside > MASK[0]) & (beside < MASK[1])
+        return (directions[..., 1] > 0) & (far * directions[..., 2] < DEPTH) & within
+
+    mask = floor(*MASK, 4, 4 + DEPTH, OPENING[3])
+    return facade_rows(solve, "5.13", mask, hides)
+
+
+def cie_opposite(solve: Solve) -> list[Row]:
+    """5.14, a building before the opening."""
+
+    def hides(places: Array, directions: Array) -> Array:
+        far = DISTANCE / np.maximum(directions[..., 2], 1e-12)
+        rise = places[..., 1] + far * directions[..., 1]
+        beside = places[..., 0] + far * directions[..., 0]
+        return (rise > 0) & (rise < HIGH) & (beside > MASK[0]) & (beside < MASK[1])
+
+    mask = rectangle([MASK[0], 0, 4 + DISTANCE], [0, HIGH, 0], [MASK[1] - MASK[0], 0, 0])
+    return facade_rows(solve, "5.14", mask, hides)
+
+
+GENERAL = (
+    r"E = \int_\Omega L\,\cos\theta\,d\omega,\quad \frac{L}{L_z} ="
+    r" \frac{\varphi(Z)\,f(\chi)}{\varphi(0)\,f(Z_s)},\quad \varphi(Z) = 1 + a\,e^{b/\cos Z},\quad"
+    r" f(\chi) = 1 + c\left(e^{d\chi} - e^{d\pi/2}\right) + e\cos^2\chi"
+)
+QUADRATURE = (
+    "computed here from the formulas of CIE S 011 by midpoints of 600 x 600 parts of the opening,"
+    " not copied from CIE 171"
+)
+UNDER = (
+    "Black; CIE general skies of types 1, 5, 8, 12 and 15, the sun 60° high and without light of its own."
+    " Values are in % of what level ground below all of the sky has"
+)
+
 PLAIN, ENCLOSED, LAMPS = "Configuration factors", "Enclosures", "Lamps without a surface"
 
 CASES = [
@@ -895,6 +1090,40 @@ CASES = [
         r"\bar E_\text{indirect} = \frac{\Phi}{A}\,\frac{\rho}{1 - \rho}",
         "energy: exact for the mean in a closed room of any shape whose surfaces reflect alike",
         cie_interreflection,
+    ),
+]  # fmt: skip
+
+#: Under skies, each solved five times: measured with --case, and not on the pages yet.
+DAYLIGHT = [
+    Case(
+        "cie-5.9", CIE, "5.9: an unglazed opening in the roof, under general skies",
+        f"A room of 4 x 4 x 3 m, a square metre of its roof open. {UNDER}.",
+        GENERAL,
+        QUADRATURE,
+        cie_roof,
+    ),
+    Case(
+        "cie-5.11", CIE, "5.11: an unglazed opening in a facade, under general skies",
+        f"A room of 4 x 4 x 3 m, an opening of 2 x 1 m, 1 m above the floor. {UNDER}, which reflects 0.3 and"
+        " is lit by the sky alone: a lower hemisphere of one radiance.",
+        GENERAL,
+        QUADRATURE,
+        cie_facade,
+    ),
+    Case(
+        "cie-5.13", CIE, "5.13: the same with a horizontal mask",
+        f"As 5.11, with a black roof, 6 m wide, that reaches {DEPTH:g} m out above the opening. {UNDER}.",
+        GENERAL,
+        QUADRATURE,
+        cie_overhang,
+    ),
+    Case(
+        "cie-5.14", CIE, "5.14: the same with a vertical mask",
+        f"As 5.11, with a black wall, 6 m wide, {HIGH:g} m high and {DISTANCE:g} m before the opening."
+        f" {UNDER}.",
+        GENERAL,
+        QUADRATURE,
+        cie_opposite,
     ),
 ]  # fmt: skip
 
@@ -1055,13 +1284,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--case", nargs="*", choices=[case.name for case in CASES], metavar="NAME")
+    parser.add_argument("--case", nargs="*", choices=[case.name for case in CASES + DAYLIGHT], metavar="NAME")
     parser.add_argument("--error", type=float, default=ERROR)
     parser.add_argument("-o", "--out", type=Path, default=OUT)
     parser.add_argument("--no-pictures", action="store_true")
     arguments = parser.parse_args()
     found, failed = {}, 0
-    for case in CASES:
+    for case in [*CASES, *(DAYLIGHT if arguments.case else [])]:
         if arguments.case and case.name not in arguments.case:
             continue
         start = time.perf_counter()

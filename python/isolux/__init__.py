@@ -14,6 +14,7 @@ from isolux.photometry import Photometry, read_photometry
 from isolux.report import Issue, Report
 from isolux.scene import Lamp, Light, LightGroup, Material, Scene, load
 from isolux.settings import Settings
+from isolux.sky import PerezSky, Sky, perez_sky
 from isolux.solution import Solution, solve
 from isolux.solution import open_solution as open  # noqa: A004
 from isolux.sun import SunPosition, sun_position
@@ -27,6 +28,7 @@ __all__ = [
     "LightGroup",
     "Material",
     "Measurements",
+    "PerezSky",
     "Photometry",
     "Picture",
     "Plane",
@@ -35,6 +37,7 @@ __all__ = [
     "Report",
     "Scene",
     "Settings",
+    "Sky",
     "Solution",
     "SunPosition",
     "Surface",
@@ -43,6 +46,7 @@ __all__ = [
     "load",
     "measure",
     "open",
+    "perez_sky",
     "read_photometry",
     "solve",
     "sun_position",

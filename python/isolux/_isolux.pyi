@@ -31,6 +31,8 @@ _Bands: TypeAlias = tuple[float, float, float]
 _MaterialTuple: TypeAlias = tuple[str, _Bands, _Bands, bool, float]
 #: Name, kind, place, direction, side, intensity, angles of a cone.
 _LampTuple: TypeAlias = tuple[str, str, _Bands, _Bands, _Bands, _Bands, tuple[float, float]]
+#: Name, direction towards the sun, gradation, indicatrix, radiance, ground's reflectance.
+_SkyTuple: TypeAlias = tuple[str, _Bands, _Bands, tuple[float, float, float, float], _Bands, _Bands]
 _IssueTuple: TypeAlias = tuple[Literal["note", "warning"], str, str, str]
 _Arrays: TypeAlias = dict[str, NDArray[Any]]
 
@@ -95,6 +97,12 @@ class Photometry:
     def intensity(self, directions: NDArray[np.float64]) -> NDArray[np.float64]: ...
     def with_flux(self, lumens: float) -> Photometry: ...
 
+def cie_sky(number: int) -> tuple[_Bands, tuple[float, float, float, float]]: ...
+def sky_horizontal(gradation: _Bands, indicatrix: tuple[float, float, float, float], sun: float) -> float: ...
+def sky_pattern(
+    gradation: _Bands, indicatrix: tuple[float, float, float, float], from_zenith: float, from_sun: float
+) -> float: ...
+
 @final
 class Scene:
     @staticmethod
@@ -106,6 +114,7 @@ class Scene:
         light_units: str,
         up: str,
         lamps: list[tuple[_LampTuple, Photometry | None]],
+        sky: _SkyTuple | None = None,
     ) -> Scene: ...
     @staticmethod
     def from_arrays(
@@ -119,6 +128,7 @@ class Scene:
         metres_per_unit: float,
         unit: str,
         lamps: list[tuple[_LampTuple, Photometry | None]],
+        sky: _SkyTuple | None = None,
     ) -> Scene: ...
     def check(self) -> None: ...
     @property
@@ -144,6 +154,8 @@ class Scene:
     def lights(self) -> list[tuple[str, str, int, float, _Bands]]: ...
     @property
     def lamps(self) -> list[tuple[_LampTuple, _Bands | None]]: ...
+    @property
+    def sky(self) -> _SkyTuple | None: ...
     @property
     def lamp_power(self) -> _Bands: ...
     @property

@@ -15,6 +15,7 @@ from isolux._arrays import floats, integers
 from isolux.exceptions import ReadError
 from isolux.photometry import PHOTOMETRIC_SUFFIXES, Photometry, read_photometry
 from isolux.report import Bands, Issue, Unit
+from isolux.sky import Sky
 from isolux.sun import clear_sun, sun_direction, sun_position
 
 if TYPE_CHECKING:
@@ -313,6 +314,7 @@ class Scene:
         face_materials: ArrayLike | None = None,
         face_objects: ArrayLike | None = None,
         lamps: Sequence[Lamp] = (),
+        sky: Sky | None = None,
         metres_per_unit: float = 1.0,
         unit: Unit = "lm",
         name: str = "arrays",
@@ -337,6 +339,8 @@ class Scene:
             (m,) index into `names`.
         lamps
             Lamps without a surface, in the unit of `vertices`; schedule ``"wavefront"`` alone knows them.
+        sky
+            The sky and the ground, as lamps.
         metres_per_unit
             Length of the unit of `vertices`, metres.
         unit
@@ -394,6 +398,7 @@ class Scene:
                 metres_per_unit=float(metres_per_unit),
                 unit=str(unit),
                 lamps=[_lamp(entry, row) for row, entry in enumerate(lamps)],
+                sky=_sky(sky),
             )
         )
 
@@ -463,6 +468,14 @@ class Scene:
         ]
 
     @property
+    def sky(self) -> Sky | None:
+        """The sky and the ground; None where there is none."""
+        if self._inner.sky is None:
+            return None
+        name, sun, gradation, indicatrix, radiance, ground = self._inner.sky
+        return Sky(gradation, indicatrix, radiance, sun=sun, ground=ground, name=name)
+
+    @property
     def lamp_power(self) -> Bands:
         """Power of all lamps without a surface per band, in `unit`; of suns nothing is counted."""
         return self._inner.lamp_power
@@ -523,7 +536,7 @@ class Scene:
 
     def __repr__(self) -> str:
         polygons = self.polygons
-        lights = len(self.lights) + len(self.lamps)
+        lights = len(self.lights) + len(self.lamps) + (self._inner.sky is not None)
         return f"<isolux.Scene '{self.name}': {polygons.fronts} polygons, {lights} lights>"
 
 
@@ -536,6 +549,7 @@ def load(
     light_units: LightUnits = "spec",
     up: UpAxis = "y",
     lamps: Sequence[Lamp] = (),
+    sky: Sky | None = None,
 ) -> Scene:
     """Read a scene from a file.
 
@@ -560,6 +574,8 @@ def load(
         The file's axis that points up. ``"z"`` turns everything about X, so that +Z becomes +Y.
     lamps
         Lamps without a surface that are added to those of the file; places in metres, +Y is up.
+    sky
+        The sky and the ground; no file has one.
 
     Raises
     ------
@@ -589,13 +605,14 @@ def load(
                 str(light_units),
                 str(up),
                 [_lamp(entry, row) for row, entry in enumerate(lamps)],
+                _sky(sky),
             )
         )
     from isolux.io import other_meshes  # noqa: PLC0415
 
     if up not in ("y", "z"):
         raise ValueError(f"up is '{up}': expected 'y' or 'z'")
-    return other_meshes.load(path, 1.0 if metres_per_unit is None else metres_per_unit, unit, up, lamps)
+    return other_meshes.load(path, 1.0 if metres_per_unit is None else metres_per_unit, unit, up, lamps, sky)
 
 
 def _material(entry: Material | Mapping[str, Any], row: int) -> tuple[str, Bands, Bands, bool, float]:
@@ -631,6 +648,25 @@ def _lamp(
         _bands(f"lamps[{row}].intensity", entry.intensity),
         (float(entry.inner_angle), float(entry.outer_angle)),
     ), None if entry.photometry is None else entry.photometry._inner
+
+
+def _sky(
+    sky: Sky | None,
+) -> tuple[str, _Vector, _Vector, tuple[float, float, float, float], Bands, Bands] | None:
+    """As the extension takes it."""
+    if sky is None:
+        return None
+    if not isinstance(sky, Sky):
+        raise TypeError(f"sky is a {type(sky).__name__}: expected isolux.Sky")
+    base, c, d, e = (float(value) for value in sky.indicatrix)
+    return (
+        str(sky.name),
+        _vector("sky.sun", sky.sun),
+        _vector("sky.gradation", sky.gradation),
+        (base, c, d, e),
+        _bands("sky.radiance", sky.radiance),
+        _bands("sky.ground", sky.ground),
+    )
 
 
 def _vector(name: str, value: Sequence[float]) -> tuple[float, float, float]:

@@ -87,10 +87,11 @@ def studio_lamps(scene: Scene) -> tuple[Lamp, ...]:
 def lights_itself(scene: Scene) -> bool:
     """Tell whether a scene's own lights light it: a room's lamps do, an appliance's pilot light does not.
 
-    They do where it has lamps without a surface, or where two fifths or more of what its emitting objects
-    send out meet a surface, and from there another one. Which parts of these objects emit is not asked.
+    They do where it has a sky or lamps without a surface, or where two fifths or more of what its emitting
+    objects send out meet a surface, and from there another one. Which parts of these objects emit does not
+    count.
     """
-    if scene.lamps:
+    if scene.lamps or scene.sky is not None:
         return True
     emitting = {light.object for light in scene.lights}
     if not emitting:

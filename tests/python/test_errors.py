@@ -18,6 +18,10 @@ EXPECTED = {
         "setting 'schedule' is sequential: lamp 'sun' has no surface, "
         "which only schedule 'wavefront' can solve",
     ),
+    "SettingsError::Sky": (
+        "SettingsError",
+        "setting 'schedule' is sequential: the scene has a sky, which only schedule 'wavefront' can solve",
+    ),
     "SettingsError::Schedule": ("SettingsError", "setting 'rays' is 256: belongs to schedule 'sequential'"),
     "SceneError::Empty": (
         "SceneError",
@@ -35,6 +39,7 @@ EXPECTED = {
         "material 'leaf': mask 0 has 3 texels, expected 2 x 2, at least 1",
     ),
     "SceneError::Lamp": ("SceneError", "lamp 'sun': it has no direction"),
+    "SceneError::Sky": ("SceneError", "the sky: its zenith has no direction"),
     "SceneError::Unit": ("SceneError", "-1 metres per unit is not a positive length"),
     "SceneError::TooLarge": ("SceneError", "20 polygons are more than the 10 that element paths can name"),
     "SceneViolation": ("InternalError", "polygon 7: violated: unit normal"),
@@ -45,7 +50,7 @@ EXPECTED = {
     ),
     "SolveError::NoLight": (
         "NoLightError",
-        "scene 'cave' has no light: no surface emits, and there is no lamp",
+        "scene 'cave' has no light: no surface emits, and there is no lamp and no sky",
     ),
     "SolveError::Internal": ("InternalError", "link 3 has no receiver"),
     "RecordError::Missing": ("SolutionFileError", "'links/source' is missing"),

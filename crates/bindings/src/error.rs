@@ -50,7 +50,8 @@ impl PythonError for FacadeSettingsError {
         match self {
             FacadeSettingsError::Value { .. }
             | FacadeSettingsError::Schedule { .. }
-            | FacadeSettingsError::Lamps { .. } => SettingsError::new_err(message),
+            | FacadeSettingsError::Lamps { .. }
+            | FacadeSettingsError::Sky { .. } => SettingsError::new_err(message),
         }
     }
 }
@@ -66,6 +67,7 @@ impl PythonError for CoreSceneError {
             | CoreSceneError::MaterialNotFinite { .. }
             | CoreSceneError::MaskSize { .. }
             | CoreSceneError::Lamp { .. }
+            | CoreSceneError::Sky { .. }
             | CoreSceneError::Unit { .. }
             | CoreSceneError::TooLarge { .. } => SceneError::new_err(message),
         }
@@ -232,6 +234,7 @@ pub(crate) fn error_samples(py: Python<'_>) -> PyResult<Bound<'_, PyList>> {
             FacadeSettingsError::Schedule { name: "rays", value: "256".into(), schedule: "sequential" }.exception(),
         ),
         ("SettingsError::Lamps", FacadeSettingsError::Lamps { lamp: "sun".into(), schedule: "sequential" }.exception()),
+        ("SettingsError::Sky", FacadeSettingsError::Sky { schedule: "sequential" }.exception()),
         ("SceneError::Empty", CoreSceneError::Empty { dropped: 2, invisible: 1 }.exception()),
         ("SceneError::NotFinite", CoreSceneError::NotFinite { object: object(), face: 3 }.exception()),
         ("SceneError::CornerCount", CoreSceneError::CornerCount { object: object(), face: 3, corners: 5 }.exception()),
@@ -248,6 +251,7 @@ pub(crate) fn error_samples(py: Python<'_>) -> PyResult<Bound<'_, PyList>> {
             CoreSceneError::MaskSize { material: "leaf".into(), mask: 0, width: 2, height: 2, texels: 3 }.exception(),
         ),
         ("SceneError::Lamp", CoreSceneError::Lamp { lamp: "sun".into(), what: "it has no direction" }.exception()),
+        ("SceneError::Sky", CoreSceneError::Sky { what: "its zenith has no direction".into() }.exception()),
         ("SceneError::Unit", CoreSceneError::Unit { metres_per_unit: -1.0 }.exception()),
         ("SceneError::TooLarge", CoreSceneError::TooLarge { count: 20, limit: 10 }.exception()),
         ("SceneViolation", SceneViolation { polygon: 7, what: "unit normal" }.exception()),

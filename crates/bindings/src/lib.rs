@@ -8,6 +8,7 @@ mod panics;
 mod photometry;
 mod scene;
 mod settings;
+mod sky;
 mod solution;
 mod study;
 mod waiting;
@@ -27,6 +28,8 @@ mod _isolux {
     use crate::scene::Scene;
     #[pymodule_export]
     use crate::settings::{default_settings, quality_error, validate_settings};
+    #[pymodule_export]
+    use crate::sky::{cie_sky, sky_horizontal, sky_pattern};
     #[pymodule_export]
     use crate::solution::{Solution, solve, write_aside};
     #[pymodule_export]

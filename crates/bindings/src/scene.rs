@@ -3,6 +3,7 @@
 use crate::array::{entries, read_only, rows, same_length};
 use crate::error::{SceneError, internal, to_python};
 use crate::photometry::Photometry;
+use crate::sky::{SkyTuple, sky_of, sky_tuple};
 use crate::waiting::interruptible;
 use isolux::core::DVec3;
 use isolux::core::scene::{
@@ -64,7 +65,8 @@ impl Scene {
     /// A scene from a file: glTF or OBJ. `unit` is "lm" or "W"; `light_units` is "spec", "unitless" or "blender";
     /// `up` is the file's axis that points up, "y" or "z"; `lamps` come after those of the file, in metres, with +Y up.
     #[staticmethod]
-    #[expect(clippy::too_many_arguments, reason = "one argument per setting; Python passes them in one place")]
+    #[pyo3(signature = (path, metres_per_unit, emission_scale, unit, light_units, up, lamps, sky=None))]
+    #[expect(clippy::too_many_arguments, reason = "what a reader is asked for, and what is added; Python names them")]
     fn load(
         py: Python<'_>,
         path: PathBuf,
@@ -74,6 +76,7 @@ impl Scene {
         light_units: &str,
         up: &str,
         lamps: Vec<LampEntry<'_>>,
+        sky: Option<SkyTuple>,
     ) -> PyResult<Scene> {
         let up =
             UpAxis::from_name(up).ok_or_else(|| PyValueError::new_err(format!("up is '{up}': expected 'y' or 'z'")))?;
@@ -85,6 +88,7 @@ impl Scene {
         let mut input = interruptible(py, move || read(&file, &options))?.map_err(to_python)?;
         let metres = input.metres_per_unit.recip();
         hang(&mut input, lamps, metres)?;
+        input.sky = sky.map(sky_of);
         let scene = interruptible(py, || CoreScene::build(input, &BuildOptions::default()))?
             .map_err(|error| SceneError::new_err(format!("{}: {error}", path.display())))?;
         Ok(Scene::new(Arc::new(scene)))
@@ -92,7 +96,7 @@ impl Scene {
 
     /// A scene from arrays. A row of `faces` with -1 in its fourth column is a triangle.
     #[staticmethod]
-    #[pyo3(signature = (name, vertices, faces, materials, face_materials, names, face_objects, metres_per_unit, unit, lamps))]
+    #[pyo3(signature = (name, vertices, faces, materials, face_materials, names, face_objects, metres_per_unit, unit, lamps, sky=None))]
     #[expect(clippy::too_many_arguments, reason = "one argument per array; Python passes them by name")]
     fn from_arrays(
         py: Python<'_>,
@@ -106,6 +110,7 @@ impl Scene {
         metres_per_unit: f64,
         unit: &str,
         lamps: Vec<LampEntry<'_>>,
+        sky: Option<SkyTuple>,
     ) -> PyResult<Scene> {
         let vertices: Vec<DVec3> = rows::<f64, 3>("vertices", &vertices)?.into_iter().map(DVec3::from_array).collect();
         let faces: Vec<Vec<i64>> = match faces.shape() {
@@ -138,6 +143,7 @@ impl Scene {
             input.faces.push(Face { object, material, corners, uv: None, surface: None });
         }
         hang(&mut input, lamps, 1.0)?;
+        input.sky = sky.map(sky_of);
         input.objects = names.into_iter().map(|name| Object { name }).collect();
         input.materials = materials
             .into_iter()
@@ -270,6 +276,12 @@ impl Scene {
             ((lamp.name.clone(), kind.to_owned(), position, direction, side, lamp.intensity.0.into(), angles), power)
         };
         self.inner.lamps.iter().map(tuple).collect()
+    }
+
+    /// The sky, where there is one.
+    #[getter]
+    fn sky(&self) -> Option<SkyTuple> {
+        self.inner.sky.as_ref().map(sky_tuple)
     }
 
     /// Power of all lamps without a surface per band, W or lm; of suns nothing is counted.

@@ -27,10 +27,15 @@ impl Stream {
         Stream(mix(seed))
     }
 
+    /// The next 64 bits.
+    pub fn next_bits(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(GOLDEN);
+        mix(self.0)
+    }
+
     /// The next number in `[0, 1)`, of 53 bits.
     pub fn next_unit(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(GOLDEN);
-        (mix(self.0) >> 11) as f64 / (1u64 << 53) as f64
+        (self.next_bits() >> 11) as f64 / (1u64 << 53) as f64
     }
 
     /// A direction about a unit normal with density `cos / pi` (Malley's method: a uniform point of the disk, by

@@ -150,6 +150,7 @@ fn scene() -> Scene {
             camera("plan", Projection::Orthographic { height: 4.0 }),
         ],
         lamps: Vec::new(),
+        sky: None,
         triangles,
         face_polygon,
         issues: Vec::new(),

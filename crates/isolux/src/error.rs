@@ -36,6 +36,12 @@ pub enum SettingsError {
         /// The schedule.
         schedule: &'static str,
     },
+    /// The scene has a sky, which this schedule does not know.
+    #[error("setting 'schedule' is {schedule}: the scene has a sky, which only schedule 'wavefront' can solve")]
+    Sky {
+        /// The schedule.
+        schedule: &'static str,
+    },
 }
 
 impl SettingsError {
@@ -44,7 +50,7 @@ impl SettingsError {
     pub fn name(&self) -> &'static str {
         match self {
             SettingsError::Value { name, .. } | SettingsError::Schedule { name, .. } => name,
-            SettingsError::Lamps { .. } => "schedule",
+            SettingsError::Lamps { .. } | SettingsError::Sky { .. } => "schedule",
         }
     }
 }
@@ -59,7 +65,7 @@ pub enum SolveError {
     #[error(transparent)]
     Scene(#[from] SceneError),
     /// Nothing emits: the answer would be black everywhere.
-    #[error("scene '{scene}' has no light: no surface emits, and there is no lamp")]
+    #[error("scene '{scene}' has no light: no surface emits, and there is no lamp and no sky")]
     NoLight {
         /// Name of the scene.
         scene: String,

@@ -1,7 +1,7 @@
-//! Light groups: a scene comes in, what emits in it, polygons and lamps, comes out as named sets, as lighting people dim
+//! Light groups: a scene comes in, what emits in it, polygons, lamps and the sky, comes out as named sets, as lighting people dim
 //! them.
 
-use isolux_core::scene::{Lamp, Scene};
+use isolux_core::scene::{Lamp, Scene, Sky};
 use isolux_core::units::Rgb;
 use isolux_wavefront::NO_GROUP;
 use serde::{Deserialize, Serialize};
@@ -26,7 +26,7 @@ pub enum GroupedBy {
     All,
 }
 
-/// A set of emitting polygons and lamps.
+/// A set of emitting polygons and lamps, and the sky.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LightGroup {
     /// Its name, unique within a scene.
@@ -40,6 +40,9 @@ pub struct LightGroup {
     /// Lamps without a surface.
     #[serde(default)]
     pub lamps: u64,
+    /// Is the sky in it? Of its light, which has no end, no power is counted.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub sky: bool,
 }
 
 /// The light groups of a scene.
@@ -47,9 +50,9 @@ pub struct LightGroup {
 pub struct LightGroups {
     /// What they are made of.
     pub by: GroupedBy,
-    /// The groups, in the order in which their first polygons come, then their first lamps.
+    /// The groups, in the order in which their first polygons come, then their first lamps, then the sky.
     pub groups: Vec<LightGroup>,
-    /// By polygon, then by lamp: its row of `groups`, or [`NO_GROUP`] where it emits nothing.
+    /// By polygon, then by lamp, then the sky's if there is one: its row of `groups`, or [`NO_GROUP`] where it emits nothing.
     pub of: Vec<u32>,
 }
 
@@ -57,31 +60,39 @@ pub struct LightGroups {
 /// where these are too many by materials and names of lamps, where these are too many, too, all in one.
 #[must_use]
 pub fn light_groups(scene: &Scene) -> LightGroups {
-    let by_object = grouped(scene, |polygon| scene.object_name(polygon), |lamp| &lamp.name);
+    let by_object = grouped(scene, |polygon| scene.object_name(polygon), |lamp| &lamp.name, |sky| &sky.name);
     if by_object.groups.len() <= MOST_GROUPS {
         return LightGroups { by: GroupedBy::Object, ..by_object };
     }
     let material = |polygon: u32| scene.materials[scene.polygons[polygon as usize].material as usize].name.as_str();
-    let by_material = grouped(scene, material, |lamp| &lamp.name);
+    let by_material = grouped(scene, material, |lamp| &lamp.name, |sky| &sky.name);
     if by_material.groups.len() <= MOST_GROUPS {
         return LightGroups { by: GroupedBy::Material, ..by_material };
     }
-    grouped(scene, |_| ALL, |_| ALL)
+    grouped(scene, |_| ALL, |_| ALL, |_| ALL)
 }
 
-/// Groups by names of polygons and of lamps.
+/// Groups by names of polygons, of lamps and of the sky.
 fn grouped<'a>(
     scene: &'a Scene,
     name_of: impl Fn(u32) -> &'a str,
     name_of_lamp: impl Fn(&'a Lamp) -> &'a str,
+    name_of_sky: impl Fn(&'a Sky) -> &'a str,
 ) -> LightGroups {
     let mut rows: HashMap<&'a str, u32> = HashMap::new();
-    let of = vec![NO_GROUP; scene.polygons.len() + scene.lamps.len()];
+    let of = vec![NO_GROUP; scene.emitters()];
     let mut found = LightGroups { by: GroupedBy::All, groups: Vec::new(), of };
     let mut row_of = |name: &'a str, groups: &mut Vec<LightGroup>| {
         let row = *rows.entry(name).or_insert(groups.len() as u32);
         if row as usize == groups.len() {
-            groups.push(LightGroup { name: name.to_owned(), polygons: 0, area: 0.0, power: Rgb::ZERO, lamps: 0 });
+            groups.push(LightGroup {
+                name: name.to_owned(),
+                polygons: 0,
+                area: 0.0,
+                power: Rgb::ZERO,
+                lamps: 0,
+                sky: false,
+            });
         }
         row
     };
@@ -99,6 +110,11 @@ fn grouped<'a>(
         group.lamps += 1;
         group.power += lamp.power().unwrap_or(Rgb::ZERO);
         found.of[scene.polygons.len() + index] = row;
+    }
+    if let Some(sky) = &scene.sky {
+        let row = row_of(name_of_sky(sky), &mut found.groups);
+        found.groups[row as usize].sky = true;
+        found.of[scene.polygons.len() + scene.lamps.len()] = row;
     }
     found
 }

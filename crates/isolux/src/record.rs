@@ -5,7 +5,7 @@ use crate::{RecordError, Report, Schedule, Solution, Status, flat};
 use isolux_core::kernels::visibility::Sight;
 use isolux_core::links::{Hierarchy, Link, Links};
 use isolux_core::scene::{
-    AlphaMask, Camera, Corners, Image, Lamp, Material, Object, Plane, Polygon, Scene, Side, Wrap,
+    AlphaMask, Camera, Corners, Image, Lamp, Material, Object, Plane, Polygon, Scene, Side, Sky, Wrap,
 };
 use isolux_core::solution::{Light, Phase, Progress, SmoothPlan, Unobserved, Watch};
 use isolux_core::tree::{Bsp, Element, ElementId, Elements, Path};
@@ -103,6 +103,8 @@ struct Attributes {
     cameras: Vec<Camera>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     lamps: Vec<Lamp>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    sky: Option<Sky>,
     images: Vec<ImageHeader>,
     masks: Vec<MaskHeader>,
     report: Report,
@@ -179,6 +181,7 @@ pub(crate) fn write(solution: &Solution, columns: Option<&Columns>) -> Record {
         materials: scene.materials.clone(),
         cameras: scene.cameras.clone(),
         lamps: scene.lamps.clone(),
+        sky: scene.sky.clone(),
         images: scene
             .images
             .iter()
@@ -264,10 +267,14 @@ fn link_arrays(links: &Links, vertex_irradiance: &[Rgb], arrays: &mut Vec<Array>
 
 /// What `wavefront` leaves behind beyond elements and light.
 fn transport_arrays(transport: &Transported, columns: Option<&Columns>, arrays: &mut Vec<Array>) {
-    let Transported { fields, links, clusters, .. } = transport;
+    let Transported { fields, sky, links, clusters, .. } = transport;
     let table = |name: &str, shape: &[usize], data| Array { name: name.to_owned(), shape: shape.to_vec(), data };
     let values = fields.iter().flatten().flatten().copied().collect();
     arrays.push(table("elements/field", &[fields.len(), 5, 3], Data::F32(values)));
+    if !sky.is_empty() {
+        let values = sky.iter().flatten().flatten().copied().collect();
+        arrays.push(table("elements/sky", &[sky.len(), 5, 2], Data::F32(values)));
+    }
     let count = links.receiver.len();
     arrays.push(flat_array("links/receiver", Data::U32(links.receiver.clone())));
     arrays.push(flat_array("links/source", Data::U32(links.source.clone())));
@@ -475,6 +482,8 @@ fn read_transported(part: Part, beyond: Beyond, shelf: &mut Shelf) -> Result<Sol
         members: shelf.u32("clusters/members", &[])?,
     };
     let fields = field.as_chunks().0.as_chunks().0.to_vec();
+    let sky = if scene.sky.is_some() { shelf.f32("elements/sky", &[5, 2])? } else { Vec::new() };
+    let sky = Arc::new(sky.as_chunks().0.as_chunks().0.to_vec());
     if !(limit.is_finite() && limit >= 0.0) {
         return Err(inconsistent("attributes/limit", format!("{limit} is not a number of 0 or more")));
     }
@@ -483,7 +492,7 @@ fn read_transported(part: Part, beyond: Beyond, shelf: &mut Shelf) -> Result<Sol
     } else {
         Arc::new(read_columns(groups, points, &elements, &scene, shelf)?).into()
     };
-    let transport = Transported { fields, links: Arc::new(links), clusters: Arc::new(clusters), limit, columns };
+    let transport = Transported { fields, sky, links: Arc::new(links), clusters: Arc::new(clusters), limit, columns };
     transport.check(&scene, &elements, &light).map_err(|TransportViolation { name, what }| inconsistent(name, what))?;
     Ok(crate::wavefront::solution(Arc::new(scene), elements, light, active, transport, report))
 }
@@ -496,7 +505,7 @@ fn read_columns(
     scene: &Scene,
     shelf: &mut Shelf,
 ) -> Result<Columns, RecordError> {
-    let emitters = scene.polygons.len() + scene.lamps.len();
+    let emitters = scene.emitters();
     let leaves = elements.leaves().count();
     let of = shelf.indices("groups/of", emitters, names.len())?;
     let emission = shelf.rgb("groups/emission", emitters)?;
@@ -559,7 +568,7 @@ fn read_linked(part: Part, shelf: &mut Shelf) -> Result<Solution, RecordError> {
 
 fn read_scene(attributes: Attributes, shelf: &mut Shelf) -> Result<(Scene, Vec<bool>), RecordError> {
     let Attributes { name, scene_hash, unit, fronts, joined, diameter, objects, materials, .. } = attributes;
-    let Attributes { cameras, lamps, images, masks, report, .. } = attributes;
+    let Attributes { cameras, lamps, sky, images, masks, report, .. } = attributes;
     if report.unit != unit {
         return Err(inconsistent("attributes/unit", format!("{}, but the report has another", unit.power())));
     }
@@ -660,6 +669,7 @@ fn read_scene(attributes: Attributes, shelf: &mut Shelf) -> Result<(Scene, Vec<b
         masks,
         cameras,
         lamps,
+        sky,
         triangles,
         face_polygon,
         issues: report.issues,

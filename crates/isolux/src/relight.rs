@@ -212,6 +212,7 @@ fn remains<'a>(old: &'a Solution, transport: &'a Transported) -> Result<Remains<
         elements: &old.hierarchy.elements,
         open_shares: old.hierarchy.light.open_shares(),
         fields: &transport.fields,
+        sky: &transport.sky,
         links: &transport.links,
         clusters: &transport.clusters,
         limit: transport.limit,
@@ -237,7 +238,8 @@ fn columns_of(
         by_groups(&solved, &of, groups.len(), &old.report.settings, control, watch)?
     };
     let lamps = old.scene.lamps.iter().map(|lamp| lamp.intensity);
-    let emission = old.scene.polygons.iter().map(|polygon| polygon.emission).chain(lamps).collect();
+    let remote = lamps.chain(old.scene.sky.iter().map(|sky| sky.radiance));
+    let emission = old.scene.polygons.iter().map(|polygon| polygon.emission).chain(remote).collect();
     let names = groups.into_iter().map(|group| group.name).collect();
     Ok(Columns { names, of, emission, fields, points: Arc::new(points) })
 }
@@ -274,7 +276,7 @@ fn weights_of(names: &[String], given: &[(String, [f64; 3])]) -> Result<Vec<[f64
     Ok(weights)
 }
 
-/// Emissions and lamps' intensities as solved times weights; emissions of materials, too, where all that is made of one is dimmed alike.
+/// Emissions, lamps' intensities and the sky's radiance as solved times weights; emissions of materials, too, where all that is made of one is dimmed alike.
 fn emit(scene: &mut Scene, columns: &Columns, weights: &[[f64; 3]]) {
     let mut of_material: Vec<Vec<Rgb>> = vec![Vec::new(); scene.materials.len()];
     for (index, polygon) in scene.polygons.iter_mut().enumerate() {
@@ -287,9 +289,12 @@ fn emit(scene: &mut Scene, columns: &Columns, weights: &[[f64; 3]]) {
             seen.push(polygon.emission);
         }
     }
-    let lamps = columns.of.iter().zip(&columns.emission).skip(scene.polygons.len());
-    for (lamp, (&group, &intensity)) in scene.lamps.iter_mut().zip(lamps) {
+    let mut remote = columns.of.iter().zip(&columns.emission).skip(scene.polygons.len());
+    for (lamp, (&group, &intensity)) in scene.lamps.iter_mut().zip(remote.by_ref()) {
         lamp.intensity = intensity * Rgb(weights[group as usize]);
+    }
+    for (sky, (&group, &radiance)) in scene.sky.iter_mut().zip(remote.by_ref()) {
+        sky.radiance = radiance * Rgb(weights[group as usize]);
     }
     for (material, seen) in scene.materials.iter_mut().zip(of_material) {
         if let [emission] = *seen {

@@ -4,7 +4,7 @@ use crate::pace::Pace;
 use crate::{RenderError, Solution};
 use isolux_core::DVec3;
 use isolux_core::sampling::{Stream, mix};
-use isolux_core::scene::{Camera, Projection};
+use isolux_core::scene::{Camera, Projection, Scene, Sky};
 use isolux_core::solution::{Flow, Observer, Phase, Progress};
 use isolux_core::units::Rgb;
 use isolux_wavefront::FinalGather;
@@ -72,7 +72,7 @@ const LEAST_ROOM: f64 = 0.15;
 const MAX_PIXELS: u64 = 1 << 28;
 
 /// Draws linear radiance (radiosity over pi), row by row from the top. Single-sided surfaces are not there seen from
-/// behind; where a ray leaves the scene the picture is black.
+/// behind; where a ray leaves the scene the picture shows the sky and the ground, and is black without a sky.
 ///
 /// # Errors
 /// [`RenderError`] for views that make no sense and when the observer stops it, which is asked every 10 ms or so.
@@ -102,6 +102,8 @@ pub fn render(
         solution.prepare(gather.is_some());
         prepare()
     });
+    let beyond = Beyond::new(&solution.scene);
+    let beyond = |direction: DVec3| beyond.radiance(direction);
     let seed = mix(solution.report.settings.seed ^ PIXELS);
     let mut pace = Pace::starting(pool.current_num_threads());
     let mut done = 0;
@@ -119,13 +121,14 @@ pub fn render(
                     let x = (column as f64 + offset(sample % samples_per_side)) / f64::from(width);
                     let y = (row as f64 + offset(sample / samples_per_side)) / f64::from(height);
                     let (origin, direction) = camera_ray(&camera, aspect, 2.0 * x - 1.0, 1.0 - 2.0 * y);
-                    sum += radiance(solution, origin, direction, &mut |side, position| match &gather {
+                    let mut irradiance = |side, position| match &gather {
                         Some(gather) => {
                             let solved = |side, place| solution.solved(side, place);
                             gather.irradiance(position, side, sample, &mut stream, &solved)
                         }
                         None => solution.surfaces().irradiance(&solution.scene, side, position),
-                    });
+                    };
+                    sum += radiance(solution, origin, direction, &mut irradiance, &beyond);
                 }
                 *pixel = sum / f64::from(samples_per_side * samples_per_side);
             });
@@ -214,7 +217,9 @@ fn best_view(solution: &Solution) -> Camera {
         let grid = (0..24).flat_map(|row| (0..32).map(move |column| (at(column, 32), at(row, 24))));
         let lit = grid.filter(|&(x, y)| {
             let (origin, direction) = camera_ray(camera, 4.0 / 3.0, x, y);
-            radiance(solution, origin, direction, &mut |side, position| solution.solved(side, position)) != Rgb::ZERO
+            let mut solved = |side, position| solution.solved(side, position);
+            // The sky is no surface.
+            radiance(solution, origin, direction, &mut solved, &|_| Rgb::ZERO) != Rgb::ZERO
         });
         // In fifths and sixths of a ray, so that whole numbers compare.
         lit.count() * if camera.eye.z > high.z { 6 } else { 5 }
@@ -272,18 +277,43 @@ fn camera_ray(camera: &Camera, aspect: f64, x: f64, y: f64) -> (DVec3, DVec3) {
     }
 }
 
-/// Radiance that arrives along a ray. `irradiance`: at a point of a lit side.
+/// Sky and ground as camera rays see them.
+struct Beyond<'a> {
+    sky: Option<&'a Sky>,
+    /// The ground's radiance.
+    ground: Rgb,
+}
+
+impl Beyond<'_> {
+    fn new(scene: &Scene) -> Beyond<'_> {
+        Beyond { sky: scene.sky.as_ref(), ground: scene.ground_radiance() }
+    }
+
+    fn radiance(&self, direction: DVec3) -> Rgb {
+        match self.sky {
+            Some(sky) if sky.up.dot(direction) > 0.0 => sky.radiance_from(direction),
+            Some(_) => self.ground,
+            None => Rgb::ZERO,
+        }
+    }
+}
+
+/// Radiance that arrives along a ray. `irradiance`: at a point of a lit side. `beyond`: radiance from a direction in which there is
+/// no surface any more.
 fn radiance(
     solution: &Solution,
     origin: DVec3,
     direction: DVec3,
     irradiance: &mut impl FnMut(u32, DVec3) -> Rgb,
+    beyond: &impl Fn(DVec3) -> Rgb,
 ) -> Rgb {
     let (scene, tracer) = (&*solution.scene, solution.tracer());
     let step = scene.tolerance();
     let (mut start, mut passing, mut sum) = (origin, 1.0, Rgb::ZERO);
     for _ in 0..MAX_LAYERS {
-        let Some(hit) = tracer.closest(start, direction, f64::INFINITY) else { break };
+        let Some(hit) = tracer.closest(start, direction, f64::INFINITY) else {
+            return sum + beyond(direction) * passing;
+        };
         let position = start + direction * hit.distance;
         let surface = &scene.polygons[hit.polygon as usize];
         let side = if hit.front_facing { Some(hit.polygon) } else { surface.twin };

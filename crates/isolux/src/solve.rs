@@ -16,7 +16,7 @@ use std::time::Instant;
 /// together without further work. What it lacks is made when it is asked for.
 ///
 /// # Errors
-/// [`SolveError`] for settings out of range, scenes without light, and lamps that the schedule does not know.
+/// [`SolveError`] for settings out of range, scenes without light, and lamps or a sky that the schedule does not know.
 pub fn solve(scene: Arc<Scene>, settings: &Settings, observer: &mut dyn Observer) -> Result<Solution, SolveError> {
     solve_seen(scene, settings, observer, None)
 }
@@ -34,7 +34,7 @@ pub fn solve_seen(
     onlooker: Option<Onlooker>,
 ) -> Result<Solution, SolveError> {
     settings.validate()?;
-    if scene.emitted_power() == Rgb::ZERO && scene.lamps.is_empty() {
+    if scene.emitted_power() == Rgb::ZERO && !scene.has_remote_light() {
         return Err(SolveError::NoLight { scene: scene.name.clone() });
     }
     match settings.schedule {
@@ -48,9 +48,10 @@ pub fn solve_seen(
 
 /// The paper's method knows only surfaces that emit.
 pub(crate) fn check_lamps(scene: &Scene, schedule: &'static str) -> Result<(), SettingsError> {
-    match scene.lamps.first() {
-        Some(lamp) => Err(SettingsError::Lamps { lamp: lamp.name.clone(), schedule }),
-        None => Ok(()),
+    match (scene.lamps.first(), &scene.sky) {
+        (Some(lamp), _) => Err(SettingsError::Lamps { lamp: lamp.name.clone(), schedule }),
+        (None, Some(_)) => Err(SettingsError::Sky { schedule }),
+        (None, None) => Ok(()),
     }
 }
 

@@ -36,6 +36,8 @@ pub struct Transported {
     /// Irradiance by element at its corners (the last of a triangle counts for nothing) and its middle, W/m² or lm/m²; of
     /// inner elements it means nothing.
     pub fields: Vec<[[f32; 3]; 5]>,
+    /// What sky and ground throw on it, part of that: by the sky's pattern and by the ground's radiance, sr. Empty without a sky.
+    pub sky: Arc<Vec<[[f32; 2]; 5]>>,
     /// Links, in ascending order of their receivers.
     pub links: Arc<LinkColumns>,
     /// The hierarchy above the polygons.
@@ -51,10 +53,11 @@ pub struct Transported {
 pub struct Columns {
     /// Names of the groups.
     pub names: Vec<String>,
-    /// By polygon, then by lamp: its group, or [`NO_GROUP`].
+    /// By polygon, then by lamp, then the sky's if there is one: its group, or [`NO_GROUP`].
     pub of: Vec<u32>,
     /// Emission by polygon, as it was solved, W/m² or lm/m²; then the intensity of each lamp, see
-    /// [`Lamp::intensity`](isolux_core::scene::Lamp::intensity).
+    /// [`Lamp::intensity`](isolux_core::scene::Lamp::intensity); then the sky's radiance, see
+    /// [`Sky::radiance`](isolux_core::scene::Sky::radiance).
     pub emission: Vec<Rgb>,
     /// By group and leaf, leaves in ascending order: irradiance at corners and middle, W/m² or lm/m².
     pub fields: Vec<Vec<[[f32; 3]; 5]>>,
@@ -110,9 +113,10 @@ fn put_together(scene: Arc<Scene>, settings: &Settings, finished: Finished) -> S
     let start = Instant::now();
     let Finished { outcome, active, stages, estimate, energy, row_sum, status, bound, mut phases } = finished;
     let is_whole = status != Status::Cancelled;
-    let Outcome { elements, light, fields, links, clusters, limit } = outcome;
+    let Outcome { elements, light, fields, sky, links, clusters, limit } = outcome;
     let (links, clusters) = (Arc::new(in_order(links)), Arc::new(clusters));
-    let transport = Transported { fields, links, clusters, limit, columns: OnceLock::new() };
+    let sky = Arc::new(sky);
+    let transport = Transported { fields, sky, links, clusters, limit, columns: OnceLock::new() };
     let LightGroups { by, groups, .. } = light_groups(&scene);
     let mut report = Report {
         area_epsilon: settings.least_area(&scene) * scene.area(),
@@ -299,6 +303,7 @@ fn bare(scene: &Scene) -> Finished {
         light: Light::emitted(scene, &elements, vec![1.0; count], Update::InPlace),
         elements,
         fields: vec![[[0.0; 3]; 5]; count],
+        sky: if scene.sky.is_some() { vec![[[0.0; 2]; 5]; count] } else { Vec::new() },
         links: LinkColumns::default(),
         clusters: ClusterColumns::default(),
         limit: 0.0,
@@ -372,14 +377,15 @@ impl Transported {
     /// Checks the invariants; elements must be sound, see [`Elements::check`]:
     ///
     /// - the roots are the scene's polygons, in order;
-    /// - one finite field, mean radiosity and mean irradiance per element, means not negative;
+    /// - one finite field, mean radiosity and mean irradiance per element, means not negative; under a sky one finite field of
+    ///   its light, too;
     /// - leaves fulfil `B = E + rho H`, parents have the means of their children, weighted by area, both to the engine's
     ///   single precision;
     /// - both ends of a link exist and differ; factors are finite and not negative; visibilities lie in `[0, 1]` and are 1
     ///   where that is proven; centres lie in `[0, 1]²`; receivers ascend;
     /// - of clusters, only the first has no parent, the others come after theirs; members are polygons, each once; those of
     ///   a cluster lie among those of its parent; places, radii and areas are finite, areas above 0;
-    /// - of light groups, each polygon or lamp that emitted has one; there is one finite field per group and leaf; where they were
+    /// - of light groups, each polygon, lamp or sky that emitted has one; there is one finite field per group and leaf; where they were
     ///   checked at points, one finite irradiance and two finite errors per group and point.
     ///
     /// # Errors
@@ -398,7 +404,7 @@ impl Transported {
 
     fn check_columns(&self, columns: &Columns, scene: &Scene, elements: &Elements) -> Result<(), TransportViolation> {
         let Columns { names, of, emission, fields, points } = columns;
-        let emitters = scene.polygons.len() + scene.lamps.len();
+        let emitters = scene.emitters();
         same_lengths(emitters, &[("groups/of", of.len()), ("groups/emission", emission.len())])?;
         if names.is_empty() || fields.len() != names.len() {
             return Err(wrong("groups/field", format!("{} columns of {} groups", fields.len(), names.len())));
@@ -451,6 +457,13 @@ impl Transported {
         if let Some(index) = self.fields.iter().position(|field| !field.iter().flatten().all(|value| value.is_finite()))
         {
             return Err(wrong("elements/field", format!("of element {index}, not all values are finite")));
+        }
+        if scene.sky.is_some() {
+            same_lengths(elements.len(), &[("elements/sky", self.sky.len())])?;
+            let is_sound = |field: &[[f32; 2]; 5]| field.as_flattened().iter().all(|value| value.is_finite());
+            if let Some(index) = self.sky.iter().position(|field| !is_sound(field)) {
+                return Err(wrong("elements/sky", format!("of element {index}, not all values are finite")));
+            }
         }
         light.check(scene, elements).map_err(|violation| wrong("elements/radiosity", violation.to_string()))
     }

@@ -144,6 +144,7 @@ fn reopened(solution: &Solution, scene: &Arc<Scene>) -> Solved {
         elements: &solution.hierarchy().elements,
         open_shares: solution.hierarchy().light.open_shares(),
         fields: &transport.fields,
+        sky: &transport.sky,
         links: &transport.links,
         clusters: &transport.clusters,
         limit: transport.limit,

@@ -1,5 +1,5 @@
 //! Backs of two-sided surfaces: most face the inside of closed objects, where no light gets. Those that see a lit side, or
-//! that a lamp's light falls on, take part.
+//! that light of a lamp or of the sky falls on, take part.
 
 use crate::geometry::{Element, Geometry};
 use crate::lamps::reach;
@@ -11,11 +11,11 @@ use rayon::prelude::*;
 /// (1 - s)^64: below 4 % for s = 5 %.
 const RAYS: u64 = 64;
 
-/// Which sides take part, by polygon: all fronts, and the backs that see a side that does or a lamp.
+/// Which sides take part, by polygon: all fronts, and the backs that see a side that does, a lamp or the sky.
 pub(crate) fn lit_sides(geometry: &Geometry, roots: &[Element]) -> Vec<bool> {
     let fronts = geometry.scene.fronts;
     let mut active: Vec<bool> = (0..roots.len()).map(|polygon| polygon < fronts).collect();
-    let lamps = !geometry.scene.lamps.is_empty();
+    let lamps = geometry.scene.has_remote_light();
     let by_lamps: Vec<usize> =
         (fronts..roots.len()).into_par_iter().filter(|&back| lamps && reach(&roots[back], geometry)).collect();
     by_lamps.into_iter().for_each(|back| active[back] = true);

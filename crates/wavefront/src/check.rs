@@ -8,7 +8,9 @@ use crate::lamps::at_place;
 use crate::light::{Bands, Field, Light, bands, mean_over, rms};
 use crate::rays::{Packet, RAYS, even_point_of};
 use crate::read::{quadrant, shares_at};
+use crate::receiver::Receiver;
 use crate::rounds::Transport;
+use crate::sky::{Care, Parts, at_point};
 use crate::solve::{Estimate, claim};
 use crate::spread::spread;
 use glam::Vec3;
@@ -274,8 +276,12 @@ pub(crate) fn check(transport: &Transport, light: &Light, error: f64, seed: u64,
             sum
         };
         let (lit, known) = of_lamps(place, transport, light);
+        let sky = of_sky(place, error, light.scale, geometry, stream);
         let found = [gather(stream), gather(stream)];
-        let found = found.map(|found| std::array::from_fn(|band| found[band] + lit[band]));
+        let found = [0, 1].map(|batch: usize| {
+            let sky = geometry.dome.as_ref().map_or([0.0; 3], |dome| dome.light(sky[batch]));
+            std::array::from_fn(|band| found[batch][band] + lit[band] + sky[band])
+        });
         let solved = crate::read::field_at(geometry, elements, light, polygon, point);
         Some(Point { place, found, solved, known })
     });
@@ -439,7 +445,17 @@ pub(crate) fn check_groups(
             at_place(place.point, place.polygon, geometry, |lamp| of_lamps.get(lamp) == Some(&(group as u32)))
         };
         let lit: Vec<Bands> = (0..columns.len()).map(lit).collect();
-        let gather = |stream: &mut Stream| -> Vec<Bands> {
+        let sky = of_sky(place, error, rms(std::array::from_fn(|_| means.iter().sum())), geometry, stream);
+        let by_sky = |group: usize, batch: usize| -> Bands {
+            let Some(dome) = &geometry.dome else { return [0.0; 3] };
+            let own = of_lamps.iter().enumerate().filter(|(_, of)| **of as usize == group);
+            own.fold([0.0; 3], |mut sum: Bands, (emitter, _)| {
+                let due = dome.light_of(emitter, sky[batch]);
+                (0..3).for_each(|band| sum[band] += due[band]);
+                sum
+            })
+        };
+        let gather = |stream: &mut Stream, batch: usize| -> Vec<Bands> {
             let mut hits = Vec::with_capacity(side * side);
             let share = 1.0 / (side * side) as f32;
             each_direction(place, side, geometry, stream, |met| {
@@ -454,7 +470,8 @@ pub(crate) fn check_groups(
             });
             let lack = |group: usize| -> Bands {
                 let mut sum = emitted(place, own[group].to_lights, geometry, elements, &choices[group], stream);
-                (0..3).for_each(|band| sum[band] += lit[group][band]);
+                let sky = by_sky(group, batch);
+                (0..3).for_each(|band| sum[band] += lit[group][band] + sky[band]);
                 for hit in &hits {
                     let reflected = value(&columns[group], hit.leaf, &hit.shares);
                     (0..3).for_each(|band| sum[band] += hit.counts[band] * reflected[band]);
@@ -469,7 +486,7 @@ pub(crate) fn check_groups(
             };
             (0..columns.len()).map(lack).collect()
         };
-        let lacks = [gather(stream), gather(stream)];
+        let lacks = [gather(stream, 0), gather(stream, 1)];
         Some(GroupPoint { place, solved, lacks })
     };
     let points = at_points(transport, seed ^ 0x67726f757073, points_of(elements.len()), look);
@@ -519,6 +536,21 @@ fn errors_of<const C: usize>(
     (0..groups.len()).map(of).collect()
 }
 
+/// Share of the asked error of the mean irradiance that chance may leave in what either batch finds of the sky at a point: squares
+/// of it fall by the number of points on top.
+const OF_SKY: f32 = 0.5;
+
+/// Both parts of the sky at a point, by either batch of rays. `scale`: irradiance that the error refers to.
+fn of_sky(place: Place, error: f64, scale: f32, geometry: &Geometry, stream: &mut Stream) -> [Parts; 2] {
+    if geometry.dome.is_none() {
+        return [[0.0; 2]; 2];
+    }
+    let receiver = Receiver::Plane(geometry.surfaces[place.polygon as usize].normal.as_dvec3());
+    let apart = OF_SKY * error as f32 * scale;
+    // Either batch has half of the rays.
+    at_point(place.point, &receiver, geometry, stream.next_bits(), Care::until(0.5 * apart * apart))
+}
+
 /// What lamps throw on a point, by shadow rays, and the square of what its leaf knows to miss of it. Where that explains what
 /// is lacking there, the leaf's own value stands for the rays': few points fall on edges of shadows, and would weigh much.
 fn of_lamps(place: Place, transport: &Transport, light: &Light) -> (Bands, f64) {
@@ -532,7 +564,7 @@ fn of_lamps(place: Place, transport: &Transport, light: &Light) -> (Bands, f64) 
     let corners =
         &transport.elements[leaf].corners.map(|corner| corner.as_dvec3())[..transport.elements[leaf].count.into()];
     let normal = geometry.surfaces[polygon as usize].normal.as_dvec3();
-    let own = crate::read::within(corners, normal, point.as_dvec3(), &light.lit[leaf]);
+    let own = crate::read::within(corners, normal, point.as_dvec3(), &light.lit_by_lamps(leaf, geometry));
     let lacks = rms(std::array::from_fn(|band| found[band] - own[band]));
     (if lacks * lacks <= KNOWN * KNOWN * missed { own } else { found }, f64::from(missed))
 }

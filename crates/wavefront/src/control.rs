@@ -61,8 +61,9 @@ pub enum Bound {
 /// Bytes that an element takes while it is solved: geometry, and light as fields, means and slopes.
 pub(crate) const ELEMENT: usize = size_of::<crate::geometry::Element>() + 260;
 
-/// Bytes that lamps' light takes by element.
+/// Bytes that lamps' light takes by element, and the sky's beyond it.
 pub(crate) const LIT: usize = size_of::<crate::light::Field>() + size_of::<f32>();
+pub(crate) const SKY: usize = size_of::<crate::light::Field<2>>() + size_of::<crate::sky::Known>();
 
 /// Bytes of a link: in its list, and in the copy that a stopped stage returns to.
 pub(crate) const LINK: usize = 2 * size_of::<Link>();

@@ -5,6 +5,7 @@ use crate::geometry::{Element, Geometry};
 use crate::lamps::at_receiver;
 use crate::rays::{Packet, RAYS, point_of};
 use crate::receiver::Receiver;
+use crate::sky::Care;
 use crate::tracer::Tracer;
 use glam::{DVec3, Vec3};
 use isolux_core::kernels::Patch;
@@ -20,6 +21,9 @@ const MOST_SINGLE: usize = 64;
 
 /// Rays to emitters, over those around.
 const TO_LIGHTS: f64 = 0.5;
+
+/// Rays to the sky at least, however few there are around: eight cells.
+const SKY_RAYS: usize = 256;
 
 /// Surfaces that one ray passes before it is given up: stacked panes of glass.
 const MOST_LAYERS: usize = 64;
@@ -107,7 +111,8 @@ fn cluster(polygons: &mut [u32], size: usize, centre: &impl Fn(u32) -> DVec3) {
 
 /// Gathers light at points. Values do not depend on who asks, in which order.
 ///
-/// What lamps without a surface throw: by a shadow ray to each.
+/// What lamps without a surface throw: by a shadow ray to each. What the sky throws: by rays in a hierarchy of directions
+/// ([`crate::sky`]), about as many as around.
 ///
 /// What is emitted: each emitter counts by its form factor at the point, in closed form, times the share of it that the point
 /// sees. Rays to places on emitters tell that share, more of them to emitters that throw more. Where nothing stands between,
@@ -180,8 +185,19 @@ impl<'a> FinalGather<'a> {
         } else {
             self.emitted_by_groups(point, &receiver, share, stream)
         };
-        let lamps = at_receiver(self.tracer.place(point), &for_lamps, &self.tracer.geometry, |_| true);
-        emitted + Rgb(lamps.map(f64::from)) + self.reflected(point, &receiver, share, stream, solved)
+        let (place, geometry) = (self.tracer.place(point), &self.tracer.geometry);
+        let lamps = at_receiver(place, &for_lamps, geometry, |_| true);
+        let sky = match &geometry.dome {
+            Some(_) => {
+                let care = Care::by_rays(SKY_RAYS.max(self.side * self.side), 0.0);
+                crate::sky::at_receiver(place, &receiver, geometry, stream.next_bits(), care)
+            }
+            None => [0.0; 3],
+        };
+        emitted
+            + Rgb(lamps.map(f64::from))
+            + Rgb(sky.map(f64::from))
+            + self.reflected(point, &receiver, share, stream, solved)
     }
 
     /// What is reflected towards a point: `pi` times the mean radiance over directions as they count.

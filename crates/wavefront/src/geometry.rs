@@ -3,6 +3,7 @@
 
 use crate::contacts::Contacts;
 use crate::overlaps::Overlaps;
+use crate::sky::Dome;
 use glam::{DVec3, Vec3};
 use isolux_core::sampling::Stream;
 use isolux_core::scene::{Corners, Scene};
@@ -144,6 +145,8 @@ pub(crate) struct Geometry {
     pub(crate) contacts: Contacts,
     /// What lies on each side in its plane.
     pub(crate) overlaps: Overlaps,
+    /// The sky, where there is one.
+    pub(crate) dome: Option<Dome>,
 }
 
 impl Geometry {
@@ -197,6 +200,7 @@ impl Geometry {
         let bvh = Bvh8::build(&primitives);
         let backend = Backend::best();
         let (contacts, overlaps) = (Contacts::default(), Overlaps::default());
+        let dome = Dome::new(&scene);
         let mut geometry = Geometry {
             scene,
             middle,
@@ -209,6 +213,7 @@ impl Geometry {
             backend,
             contacts,
             overlaps,
+            dome,
         };
         geometry.overlaps = Overlaps::new(&geometry);
         geometry

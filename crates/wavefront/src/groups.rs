@@ -32,7 +32,7 @@ pub struct Columns {
 const SIDE_BY_SIDE: usize = 15;
 
 impl Solved {
-    /// Columns of `groups` groups; `group_of`: by polygon, then by lamp, [`NO_GROUP`] where nothing is emitted. They add up to the light
+    /// Columns of `groups` groups; `group_of`: by polygon, then by lamp, then the sky's if there is one, [`NO_GROUP`] where nothing is emitted. They add up to the light
     /// that is there, to rounding: what the last gathers leave between both, a share of `error`, goes at each place to
     /// the group that gives most there. None where `control` says stop.
     #[must_use]
@@ -121,14 +121,30 @@ impl Solved {
         (1..=groups.len()).map(column).collect()
     }
 
-    /// What lamps throw on leaves, as channels of a range of groups; empty where there are no lamps.
+    /// What lamps and the sky throw on leaves, as channels of a range of groups; empty where there are none.
     fn lit_by_groups<const C: usize>(&self, group_of: &[u32], groups: Range<usize>) -> Vec<Field<C>> {
         let of_lamps = group_of.get(self.geometry.surfaces.len()..).unwrap_or_default();
         let channel = |&group: &u32| {
             let group = group as usize;
             if groups.contains(&group) { 3 * (group - groups.start + 1) } else { ALL_ONLY }
         };
-        lit_leaves(&self.transport, &of_lamps.iter().map(channel).collect::<Vec<usize>>())
+        let channels: Vec<usize> = of_lamps.iter().map(channel).collect();
+        let lamps = channels.len().min(self.geometry.scene.lamps.len());
+        let mut lit = lit_leaves(&self.transport, &channels[..lamps]);
+        let Some(dome) = &self.geometry.dome else { return lit };
+        lit.resize(self.transport.elements.len(), [[0.0; C]; 5]);
+        let leaves = lit.par_iter_mut().zip(&self.light.sky).zip(&self.transport.elements).with_min_len(1024);
+        leaves.filter(|(_, element)| element.first_child == NONE).for_each(|((lit, sky), _)| {
+            for (lit, &parts) in lit.iter_mut().zip(sky) {
+                let all = dome.light(parts);
+                (0..3).for_each(|band| lit[band] += all[band]);
+                for (emitter, &own) in channels.iter().enumerate().filter(|(_, own)| **own != ALL_ONLY) {
+                    let due = dome.light_of(emitter, parts);
+                    (0..3).for_each(|band| lit[own + band] += due[band]);
+                }
+            }
+        });
+        lit
     }
 
     /// Adds what columns lack of the light, at each place to the one that has most there; RMS of it over leaves by area,

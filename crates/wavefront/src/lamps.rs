@@ -19,7 +19,7 @@ use std::sync::LazyLock;
 
 /// Places of a leaf that is larger than this share of the scene are [`MANY`], of others [`RAYS`]: a small patch of sun on a
 /// large floor is to be found.
-const LARGE: f32 = 1.0 / 4096.0;
+pub(crate) const LARGE: f32 = 1.0 / 4096.0;
 const MANY: usize = 256;
 
 /// A leaf that looks far better than its parent, of which more was missing than may be, is asked at more places, at most at
@@ -31,7 +31,7 @@ const STEP: f32 = 16.0;
 
 /// Height over a place's plane at which rays of lamps begin to meet things at the latest, in tolerances: twelve times what
 /// rounding takes.
-const NEAR: f32 = 0.1;
+pub(crate) const NEAR: f32 = 0.1;
 
 /// Share of the values' range by which a field that fits them well may go beyond it: half of it where it tells all of
 /// their variance (of a linear function places of one diagonal tell 0.56 of the range), nothing below a share told of 0.8.
@@ -58,13 +58,13 @@ fn net(places: usize) -> Vec<[f32; 2]> {
 static NETS: LazyLock<[Vec<[f32; 2]>; 4]> = LazyLock::new(|| from_fn(|power| net(RAYS << (2 * power))));
 
 /// The least of the nets that has so many places, or the largest one.
-fn net_of(places: f32) -> &'static [[f32; 2]] {
+pub(crate) fn net_of(places: f32) -> &'static [[f32; 2]] {
     NETS.iter().find(|net| net.len() as f32 >= places).unwrap_or(&NETS[NETS.len() - 1])
 }
 
 /// A place of a unit square on an element, areas in proportion on parallelograms and triangles; and its coordinates as in
 /// [`crate::link::State::centre`].
-fn spread_out(element: &Element, [x, y]: [f32; 2]) -> (Vec3, [f32; 2]) {
+pub(crate) fn spread_out(element: &Element, [x, y]: [f32; 2]) -> (Vec3, [f32; 2]) {
     let [a, b, c, d] = element.corners;
     if element.count == 4 {
         return (a + (b - a) * x + (d - a) * y + (a - b + c - d) * (x * y), [x, y]);
@@ -75,7 +75,7 @@ fn spread_out(element: &Element, [x, y]: [f32; 2]) -> (Vec3, [f32; 2]) {
 }
 
 /// Functions that make up a field, at a place: constant, two slopes, twist (of quadrilaterals), bulge.
-fn basis(count: u8, [s, t]: [f32; 2]) -> [f64; 5] {
+pub(crate) fn basis(count: u8, [s, t]: [f32; 2]) -> [f64; 5] {
     let (s, t) = (f64::from(s), f64::from(t));
     if count == 4 {
         let (u, v) = (2.0 * s - 1.0, 2.0 * t - 1.0);
@@ -140,7 +140,7 @@ pub(crate) fn at_receiver(
     sum
 }
 
-/// What lamps would throw on an element if nothing were in the way, on average.
+/// What lamps and the sky would throw on an element if nothing were in the way, on average.
 fn unhindered(element: &Element, geometry: &Geometry) -> Bands {
     let normal = geometry.surfaces[element.polygon as usize].normal.as_dvec3();
     let mut sum = [0.0; 3];
@@ -151,21 +151,24 @@ fn unhindered(element: &Element, geometry: &Geometry) -> Bands {
             (0..3).for_each(|band| sum[band] += (thrown.facing[band] * cosine) as f32 / RAYS as f32);
         }
     }
+    let sky = crate::sky::unhindered(normal, geometry);
+    (0..3).for_each(|band| sum[band] += sky[band]);
     sum
 }
 
-/// Does light of a lamp get to a side, as far as places of it tell?
+/// Does light of a lamp or of the sky get to a side, as far as places of it tell?
 pub(crate) fn reach(root: &Element, geometry: &Geometry) -> bool {
     net_of(MANY as f32)
         .iter()
         .any(|&place| at_place(spread_out(root, place).0, root.polygon, geometry, |_| true) != [0.0; 3])
+        || crate::sky::reach(root, geometry)
 }
 
 /// Places of a leaf, and what arrives there.
-struct Places<const C: usize> {
-    count: u8,
-    basis: Vec<[f64; 5]>,
-    values: Vec<[f32; C]>,
+pub(crate) struct Places<const C: usize> {
+    pub(crate) count: u8,
+    pub(crate) basis: Vec<[f64; 5]>,
+    pub(crate) values: Vec<[f32; C]>,
 }
 
 /// What lamps throw on an element, and the mean square over places and bands of what the field misses, (W/m²)² or (lm/m²)².
@@ -263,7 +266,7 @@ impl<const C: usize> Places<C> {
     }
 
     /// Coefficients of the functions of [`basis`], by channel.
-    fn least_squares(&self) -> [[f64; C]; 5] {
+    pub(crate) fn least_squares(&self) -> [[f64; C]; 5] {
         let (mut matrix, mut sums) = ([[0.0; 5]; 5], [[0.0; C]; 5]);
         for (basis, values) in self.basis.iter().zip(&self.values) {
             for row in 0..5 {
@@ -303,7 +306,7 @@ pub(crate) fn lit_leaves<const C: usize>(transport: &Transport, channels: &[usiz
 }
 
 /// Is an element a leaf that light of lamps may fall on?
-fn takes_light(element: &Element, transport: &Transport) -> bool {
+pub(crate) fn takes_light(element: &Element, transport: &Transport) -> bool {
     let takes_part = transport.clusters.home[element.polygon as usize] != NONE;
     element.first_child == NONE && element.open != 0 && takes_part
 }
@@ -319,6 +322,10 @@ impl Transport {
     /// Finds the direct light of lamps at leaves where it is not known yet, and gives it to their fields. `error`: area times
     /// squared error that a leaf may miss.
     pub(crate) fn shine(&self, light: &mut Light, error: f32) {
+        if self.geometry.scene.lamps.is_empty() {
+            light.lit_error.fill(0.0);
+            return;
+        }
         let channels = vec![ALL_ONLY; self.geometry.scene.lamps.len()];
         let asked = |leaf: &u32| -> (Field, f32) {
             let element = &self.elements[*leaf as usize];
@@ -334,6 +341,14 @@ impl Transport {
         let found: Vec<(Field, f32)> = unknown.par_iter().with_min_len(8).map(asked).collect();
         for (leaf, (now, missed)) in unknown.into_iter().zip(found) {
             let leaf = leaf as usize;
+            let now = match (&self.geometry.dome, light.sky.get(leaf)) {
+                (Some(dome), Some(sky)) => {
+                    let mut all = dome.field(sky);
+                    add(&mut all, &now);
+                    all
+                }
+                _ => now,
+            };
             let change = from_fn(|k| from_fn(|band| now[k][band] - light.lit[leaf][k][band]));
             add(&mut light.field[leaf], &change);
             (light.lit[leaf], light.lit_error[leaf]) = (now, missed);
@@ -355,6 +370,7 @@ impl Transport {
         light.lit_error = self.elements.par_iter().enumerate().with_min_len(1024).map(|(l, e)| again((l, e))).collect();
         let bound = loop {
             self.shine(light, limit.error);
+            self.shine_sky(light, limit.error);
             let bound = budget.broken(self.elements.len(), self.links.len() + self.dark.len());
             if bound == Some(Bound::Stop) {
                 return bound;
@@ -374,12 +390,15 @@ impl Transport {
     /// Leaves on which lamps' direct light misses more than `limit`.
     fn coarse(&self, light: &Light, limit: Limit) -> Vec<u32> {
         let evaluator = self.evaluator();
+        let is_missed = |leaf: usize, weighted: f32| {
+            weighted * light.lit_error[leaf] > limit.error || self.misses_sky(leaf, weighted, light, limit)
+        };
         let is_coarse = |leaf: &u32| {
             let element = &self.elements[*leaf as usize];
             element.first_child == NONE
                 && element.area > limit.area
                 && element.path.depth() < isolux_core::tree::Path::MAX_DEPTH
-                && light.weighted_area(*leaf, &evaluator) * light.lit_error[*leaf as usize] > limit.error
+                && is_missed(*leaf as usize, light.weighted_area(*leaf, &evaluator))
         };
         (0..self.elements.len() as u32).into_par_iter().with_min_len(1024).filter(is_coarse).collect()
     }
@@ -410,8 +429,12 @@ impl Transport {
 }
 
 impl Light {
-    /// Nothing is known of lamps' light yet.
-    pub(crate) fn expect_lamps(&mut self) {
+    /// Nothing is known of lamps' light yet, nor of the sky's if there is one.
+    pub(crate) fn expect_lamps(&mut self, has_sky: bool) {
+        if has_sky {
+            self.sky = vec![[[0.0; 2]; 5]; self.field.len()];
+            self.sky_known = vec![crate::sky::UNKNOWN; self.field.len()];
+        }
         self.lit = vec![[[0.0; 3]; 5]; self.field.len()];
         self.lit_error = vec![f32::NAN; self.field.len()];
     }
@@ -422,11 +445,21 @@ impl Light {
             self.lit.push(quarter(&self.lit[parent], count, quadrant));
             self.lit_error.push(f32::NAN);
         }
+        self.adopt_sky(parent, count, quadrant);
+    }
+}
+
+impl Light {
+    /// What lamps throw on a leaf, without the sky.
+    pub(crate) fn lit_by_lamps(&self, leaf: usize, geometry: &Geometry) -> Field {
+        let (Some(dome), Some(sky)) = (&geometry.dome, self.sky.get(leaf)) else { return self.lit[leaf] };
+        let of_sky = dome.field(sky);
+        from_fn(|k| from_fn(|band| self.lit[leaf][k][band] - of_sky[k][band]))
     }
 }
 
 impl<const C: usize> Light<C> {
-    /// A leaf's field without what lamps throw on it.
+    /// A leaf's field without what lamps and the sky throw on it.
     pub(crate) fn without_lamps(&self, leaf: usize) -> Field<C> {
         let field = &self.field[leaf];
         match self.lit.get(leaf) {

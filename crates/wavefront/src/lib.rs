@@ -46,6 +46,7 @@ mod receiver;
 mod reopen;
 mod rounds;
 mod sight;
+mod sky;
 mod solve;
 mod spread;
 mod tracer;

@@ -12,6 +12,7 @@ use crate::field::to_corners;
 use crate::geometry::{Element, Geometry, NONE};
 use crate::link::{CLUSTER, Link, MIDDLE, State};
 use crate::order::{Columns, Order, View, arranged};
+use crate::sky::Known;
 use glam::Vec3;
 use isolux_simd::sphere::{clamped_cosine, evaluate};
 use rayon::prelude::*;
@@ -165,10 +166,14 @@ pub(crate) struct Light<const C: usize = 3> {
     pub(crate) coherent: Vec<f32>,
     /// What the last gather at the leaves' own points found beyond what was pushed to them.
     pub(crate) correction: Vec<Field<C>>,
-    /// What lamps throw on leaves, part of `field`; empty where there are no lamps.
+    /// What lamps and the sky throw on leaves, part of `field`; empty where there are none.
     pub(crate) lit: Vec<Field<C>>,
-    /// Mean square over places and bands of what `lit` misses; not a number where it is not known yet.
+    /// Mean square over places and bands of what it misses of lamps' light; not a number where it is not known yet.
     pub(crate) lit_error: Vec<f32>,
+    /// What the sky and the ground throw on leaves, by both parts, part of `lit`; empty where there is no sky.
+    pub(crate) sky: Vec<Field<2>>,
+    /// What leaves know of it.
+    pub(crate) sky_known: Vec<Known>,
     /// Mean irradiance of elements, pulled.
     pub(crate) irradiance: Vec<Bands>,
     /// Intensity of clusters by direction, W/sr or lm/sr.
@@ -226,6 +231,10 @@ impl Light {
         if !self.lit.is_empty() {
             self.lit = arranged(&self.lit, places);
             self.lit_error = arranged(&self.lit_error, places);
+        }
+        if !self.sky.is_empty() {
+            self.sky = arranged(&self.sky, places);
+            self.sky_known = arranged(&self.sky_known, places);
         }
     }
 
@@ -287,6 +296,8 @@ impl<const C: usize> Light<C> {
             correction,
             lit: Vec::new(),
             lit_error: Vec::new(),
+            sky: Vec::new(),
+            sky_known: Vec::new(),
             intensity: vec![[[0.0; C]; 9]; count],
             cluster_radiosity: vec![0.0; count],
             cluster_irradiance: vec![0.0; count],

@@ -65,6 +65,9 @@ pub struct Outcome {
     pub light: Light,
     /// Irradiance at the corners and the middle of leaves; of inner elements nothing that counts.
     pub fields: Vec<Field>,
+    /// What sky and ground throw on leaves, at the corners and the middle: of the sky's pattern and of the ground's radiance, sr; of
+    /// inner elements nothing that counts. Empty where there is no sky.
+    pub sky: Vec<Field<2>>,
     /// Links that carry light.
     pub links: LinkColumns,
     /// Clusters.
@@ -146,7 +149,8 @@ impl Standing<'_> {
         let fields = self.light.field.clone();
         let open = own.iter().map(|element| f64::from(element.open_share())).collect();
         let light = light_of(scene, &elements, &fields, open);
-        Outcome { elements, light, fields, links: columns, clusters, limit: self.limit }
+        let sky = self.light.sky.clone();
+        Outcome { elements, light, fields, sky, links: columns, clusters, limit: self.limit }
     }
 }
 

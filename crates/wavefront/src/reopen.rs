@@ -1,5 +1,6 @@
 //! A solve from what it left behind: elements, links, clusters and fields by number go in, a solve that can gather over its
-//! links again comes out. No ray is traced, save to lamps without a surface.
+//! links again comes out. No ray is traced, save to lamps
+//! without a surface.
 
 use crate::clusters::{Cluster, Clusters};
 use crate::contacts::Contacts;
@@ -7,11 +8,12 @@ use crate::control::Control;
 use crate::geometry::{Geometry, NONE};
 use crate::ideas::Ideas;
 use crate::lamps::{ALL_ONLY, lit_leaves};
-use crate::light::Light;
+use crate::light::{Light, add};
 use crate::link::{CLUSTER, Link, State};
 use crate::order::Order;
 use crate::outcome::{ClusterColumns, LinkColumns};
 use crate::rounds::Transport;
+use crate::sky::Known;
 use crate::solve::{Solved, settle};
 use glam::{DVec3, Vec3};
 use isolux_core::scene::Scene;
@@ -27,6 +29,8 @@ pub struct Remains<'a> {
     pub open_shares: &'a [f64],
     /// Irradiance of leaves.
     pub fields: &'a [[[f32; 3]; 5]],
+    /// What the sky and the ground throw on leaves, as [`crate::Outcome::sky`]; nothing without a sky.
+    pub sky: &'a [[[f32; 2]; 5]],
     /// Links.
     pub links: &'a LinkColumns,
     /// Clusters.
@@ -82,11 +86,20 @@ impl Solved {
             evaluated: 0,
             packets: 0,
         };
-        if !geometry.scene.lamps.is_empty() {
-            light.expect_lamps();
-            // Fields of a file have lamps' light in them.
-            light.lit = lit_leaves(&transport, &vec![ALL_ONLY; geometry.scene.lamps.len()]);
+        if geometry.scene.has_remote_light() {
+            light.expect_lamps(geometry.dome.is_some());
+            // Fields of a file have lamps' light in them, and the sky's.
+            if !geometry.scene.lamps.is_empty() {
+                light.lit = lit_leaves(&transport, &vec![ALL_ONLY; geometry.scene.lamps.len()]);
+            }
             light.lit_error.fill(0.0);
+            if let Some(dome) = &geometry.dome {
+                light.sky = remains.sky.to_vec();
+                light.sky_known.fill(Known { own: true, ..Known::default() });
+                for (lit, sky) in light.lit.iter_mut().zip(&light.sky) {
+                    add(lit, &dome.field(sky));
+                }
+            }
         }
         let is_leaf = |&index: &usize| transport.elements[index].first_child == NONE;
         let indices = (0..remains.fields.len()).filter(is_leaf);

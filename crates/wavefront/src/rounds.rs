@@ -266,7 +266,7 @@ impl Transport {
                 field[MIDDLE][band] - sum / count as f32
             });
             let error = (BULGE * rms(bulge)).max(FINER * apart);
-            let of_lamps = light.lit_error.get(index).copied().unwrap_or(0.0);
+            let of_lamps = light.lit_error.get(index).copied().unwrap_or(0.0) + light.sky_error(index);
             light.weighted_area(index as u32, &evaluator) * (error * error + of_lamps)
         };
         let of_roots = (0..roots.len()).into_par_iter().with_min_len(1024).map(|index| left(index, 0.0));

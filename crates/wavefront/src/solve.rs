@@ -3,7 +3,7 @@
 use crate::check::{Check, Found, check};
 use crate::clusters::Clusters;
 use crate::contacts::{Contacts, mark};
-use crate::control::{Bound, Budget, Control, ELEMENT, LIT};
+use crate::control::{Bound, Budget, Control, ELEMENT, LIT, SKY};
 use crate::geometry::{Geometry, NONE};
 use crate::ideas::Ideas;
 use crate::light::{Light, add, bands, rms};
@@ -213,7 +213,9 @@ impl Prepared {
         let mut budget = Budget {
             elements: request.max_elements.map_or(usize::MAX, |most| most as usize),
             bytes: request.memory.unwrap_or(MEMORY) as usize,
-            element: ELEMENT + if scene.lamps.is_empty() { 0 } else { LIT },
+            element: ELEMENT
+                + if scene.has_remote_light() { LIT } else { 0 }
+                + if scene.sky.is_some() { SKY } else { 0 },
             fixed: geometry.bvh.memory() + clusters.memory() + scene.polygons.len() * size_of_val(&scene.polygons[0]),
             deadline,
             rest: 0.0,
@@ -405,15 +407,16 @@ impl Transport {
         let (geometry, scene) = (&self.geometry, &*self.geometry.scene);
         let dark = || Light::even([0.0; 3], geometry, &self.clusters, &self.elements);
         let mut lamps = [0.0; 3];
-        let mut lit = (Vec::new(), Vec::new());
-        if !scene.lamps.is_empty() {
+        let mut lit = None;
+        if scene.has_remote_light() {
             let mut light = dark();
-            light.expect_lamps();
+            light.expect_lamps(scene.sky.is_some());
             // Roots have no parents.
             self.shine(&mut light, f32::INFINITY);
+            self.shine_sky(&mut light, f32::INFINITY);
             let [arrives, may_arrive] = self.arriving_of_lamps(&light);
             lamps = std::array::from_fn(|band| arrives[band].max(LEAST_ARRIVING * may_arrive[band]));
-            lit = (light.lit, light.lit_error);
+            lit = Some(light);
         }
         let area = scene.area();
         let fronts = &scene.polygons[..scene.fronts];
@@ -425,7 +428,10 @@ impl Transport {
         });
         let whole: [f32; 3] = std::array::from_fn(|band| even[band] + (lamps[band] / area) as f32);
         let mut light = Light::even(even, geometry, &self.clusters, &self.elements);
-        (light.lit, light.lit_error) = lit;
+        if let Some(lit) = lit {
+            (light.lit, light.lit_error) = (lit.lit, lit.lit_error);
+            (light.sky, light.sky_known) = (lit.sky, lit.sky_known);
+        }
         for (field, lit) in light.field.iter_mut().zip(&light.lit) {
             add(field, lit);
         }

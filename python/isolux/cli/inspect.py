@@ -10,10 +10,13 @@ import typer
 
 from isolux.cli import tables
 from isolux.cli.options import (
+    GroundOption,
     JsonTarget,
     LampsOption,
     LightUnitsOption,
     NorthOption,
+    SkyIlluminanceOption,
+    SkyOption,
     SunOption,
     Units,
     UpOption,
@@ -43,6 +46,9 @@ def inspect(
     lamps: LampsOption = None,
     sun: SunOption = None,
     north: NorthOption = 0.0,
+    sky: SkyOption = None,
+    sky_illuminance: SkyIlluminanceOption = None,
+    ground: GroundOption = None,
     json: JsonTarget = None,
 ) -> int:
     """Show what is in a scene: extents, polygons, lights and lamps by groups, cameras, materials, findings.
@@ -65,11 +71,22 @@ def inspect(
         if scene.suffix.lower() in PHOTOMETRIC_SUFFIXES:
             if units is not None:
                 raise typer.BadParameter("a luminaire's file says its units", param_hint="--units")
-            if lamps is not None or sun is not None:
-                option = "--lamp" if lamps is not None else "--sun"
+            given = {"--lamp": lamps, "--sun": sun, "--sky": sky}
+            if option := next((name for name, value in given.items() if value is not None), None):
                 raise typer.BadParameter("lamps are added to scenes, not to luminaires", param_hint=option)
             return _show_luminaire(read_photometry(scene), json)
-        loaded = load_scene(scene, units, light_units, lamps, sun, north, up=up)
+        loaded = load_scene(
+            scene,
+            units,
+            light_units,
+            lamps,
+            sun=sun,
+            north=north,
+            sky=sky,
+            sky_illuminance=sky_illuminance,
+            ground=ground,
+            up=up,
+        )
         loaded.check()
         findings = sorted(loaded.issues + loaded.audit(), key=lambda issue: issue.severity != "warning")
         return _show(loaded, scene, findings, json)
@@ -114,6 +131,8 @@ def _values(scene: Scene, source: Path, findings: list[Issue]) -> dict[str, Any]
         "emitted_power": scene.emitted_power,
         "lamps": [_lamp_values(lamp) for lamp in scene.lamps],
         "lamp_power": scene.lamp_power,
+        "sky": None if scene.sky is None else dataclasses.asdict(scene.sky),
+        "sky_horizontal": None if scene.sky is None else scene.sky.horizontal,
         "cameras": scene.cameras,
         "issues": [dataclasses.asdict(issue) for issue in findings],
     }

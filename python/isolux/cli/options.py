@@ -15,6 +15,7 @@ import typer
 from isolux import _isolux
 from isolux.cli.terminal import say
 from isolux.scene import Lamp, LightUnits, Scene, UpAxis, load
+from isolux.sky import Sky, perez_sky
 from isolux.studio import lights_itself, studio_lamps
 from isolux.sun import sun_position
 
@@ -178,6 +179,38 @@ TimeOption = Annotated[
     ),
 ]
 
+SkyOption = Annotated[
+    str | None,
+    typer.Option(
+        "--sky",
+        metavar="uniform|cie:TYPE|cie:A,B,C,D,E|perez:DNI,DHI",
+        help="Add the sky: the same from everywhere; a CIE standard general sky, type 1 (overcast) to 15 or "
+        "16 (traditional overcast), or by its coefficients; or the all-weather model by irradiances in "
+        "W/m², of the sun on a surface that faces it and of the sky on level ground. Those that are "
+        "brighter towards the sun need --sun; perez makes it as bright as DNI says, unless it has =LUX.",
+    ),
+]
+SkyIlluminanceOption = Annotated[
+    float | None,
+    typer.Option(
+        "--sky-illuminance",
+        metavar="LUX",
+        help="What the sky throws on level ground that sees all of it (with watts: W/m²): uniform and cie.",
+    ),
+]
+GroundOption = Annotated[
+    float | None,
+    typer.Option(
+        "--ground",
+        metavar="SHARE",
+        help="Reflectance of the ground below the horizon, which sky and sun light, with --sky.  "
+        "[default: 0.2]",
+    ),
+]
+
+#: Reflectance of ground that nobody told of: grass, soil and old asphalt have 0.1 to 0.3.
+_GROUND = 0.2
+
 _LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "km": 1000.0, "in": 0.0254, "ft": 0.3048}
 #: Factor on emission, and what it counts. A radiosity is pi times a radiance; readers multiply by pi.
 _EMISSIONS: dict[str, tuple[float, Unit]] = {
@@ -194,12 +227,16 @@ def load_scene(
     units: str | None,
     light_units: LightUnits = "spec",
     lamps: Sequence[str] | None = None,
+    *,
     sun: str | None = None,
     north: float = 0.0,
+    sky: str | None = None,
+    sky_illuminance: float | None = None,
+    ground: float | None = None,
     light: LightMode = "file",
     up: UpAxis = "y",
 ) -> Scene:
-    """Load a scene in the units asked for, with luminaires and the sun that are added to it.
+    """Load a scene in the units asked for, with luminaires, the sun and the sky that are added to it.
 
     What `light` adds is said in a line.
     """
@@ -219,8 +256,15 @@ def load_scene(
                 f"nor an emission ({', '.join(_EMISSIONS)})",
             )
     added = [_hung(text, unit) for text in lamps or ()]
-    if sun is not None:
-        added.append(_sun(sun, north, unit))
+    if sky is None:
+        for option, value in (("--sky-illuminance", sky_illuminance), ("--ground", ground)):
+            if value is not None:
+                raise _wrong(option, "it belongs to --sky, which is not given")
+    irradiances = None if sky is None else _irradiances(sky)
+    lamp, day = (None, None) if sun is None else _sun(sun, north, unit, irradiances)
+    if lamp is not None and lamp.intensity != 0.0:
+        added.append(lamp)
+    made = None if sky is None else _sky(sky, sky_illuminance, ground, lamp, day, unit)
 
     def loaded() -> Scene:
         return load(
@@ -231,6 +275,7 @@ def load_scene(
             light_units=light_units,
             up=up,
             lamps=added,
+            sky=made,
         )
 
     scene = loaded()
@@ -268,8 +313,65 @@ def _listed(names: Sequence[str]) -> str:
     return told if len(names) <= 3 else f"{told} and {len(names) - 3} more"
 
 
-def _sun(text: str, north: float, unit: Unit) -> Lamp:
-    """``48.1,11.6@2026-06-21T12:00+02:00=80000``; where it stands is said."""
+def _irradiances(text: str) -> tuple[float, float] | None:
+    """``perez:DNI,DHI``; None of other skies."""
+    kind, _, numbers = text.partition(":")
+    if kind != "perez":
+        return None
+    try:
+        direct, diffuse = (float(number) for number in numbers.split(","))
+    except ValueError:
+        raise _wrong("--sky", f"'{text}' is not perez:DNI,DHI, like perez:700,120") from None
+    return direct, diffuse
+
+
+def _sky(
+    text: str,
+    illuminance: float | None,
+    ground: float | None,
+    sun: Lamp | None,
+    day: int | None,
+    unit: Unit,
+) -> Sky:
+    """``uniform``, ``cie:12``, ``cie:A,B,C,D,E`` or ``perez:700,120``; what it throws is said."""
+    kind, _, numbers = text.partition(":")
+    share = _GROUND if ground is None else ground
+    if not 0.0 <= share <= 1.0:
+        raise _wrong("--ground", f"{share} is no reflectance: expected 0 to 1")
+    if illuminance is not None and not (math.isfinite(illuminance) and illuminance > 0.0):
+        raise _wrong("--sky-illuminance", f"{illuminance} is not above 0")
+    toward = None if sun is None else tuple(-float(part) for part in sun.direction)
+    irradiances = _irradiances(text)
+    try:
+        if irradiances is not None:
+            if illuminance is not None:
+                raise _wrong("--sky-illuminance", "perez says itself how bright the sky is")
+            if toward is None:
+                raise _wrong("--sky", "perez needs a sun: --sun LAT,LON@TIME")
+            made = Sky.perez(*irradiances, toward, day=day, unit=unit, ground=share)
+        elif text == "uniform" or kind == "cie":
+            if illuminance is None:
+                raise _wrong("--sky", f"'{text}' needs --sky-illuminance LUX")
+            pattern: int | list[float] = 5
+            if kind == "cie":
+                words = numbers.split(",")
+                pattern = int(words[0]) if len(words) == 1 else [float(word) for word in words]
+            made = Sky.cie(pattern, horizontal=illuminance, sun=toward, ground=share)
+        else:
+            raise _wrong("--sky", f"'{text}' is none of uniform, cie:TYPE, cie:A,B,C,D,E and perez:DNI,DHI")
+    except ValueError as error:
+        raise _wrong("--sky", f"'{text}': {error}") from None
+    say(f"sky: {made.horizontal[1]:.6g} {unit}/m² on level ground, which reflects {share:g}")
+    return made
+
+
+def _sun(
+    text: str, north: float, unit: Unit, irradiances: tuple[float, float] | None = None
+) -> tuple[Lamp, int]:
+    """``48.1,11.6@2026-06-21T12:00+02:00=80000``, and the day of the year; where it stands is said.
+
+    `irradiances` of the sun and of the sky say how bright it is where the text does not.
+    """
     place, at, when = text.partition("@")
     moment, equals, lux = when.partition("=")
     try:
@@ -285,12 +387,16 @@ def _sun(text: str, north: float, unit: Unit) -> Lamp:
         )
     if not math.isfinite(north):
         raise _wrong("--north", f"{north} is no angle")
-    if illuminance is None and unit == "W":
+    if illuminance is None and irradiances is None and unit == "W":
         raise _wrong(
             "--sun", f"'{text}' needs =W/m² where power is counted in watts: a clear sky's is in lux"
         )
     try:
         position = sun_position(latitude, longitude, time)
+        day = time.timetuple().tm_yday
+        if illuminance is None and irradiances is not None and position.elevation > 0.0:
+            made = perez_sky(*irradiances, position.elevation, day)
+            illuminance = irradiances[0] * (made.sun_efficacy if unit == "lm" else 1.0)
         lamp = Lamp.sun(latitude, longitude, time, illuminance=illuminance, north=north)
     except ValueError as error:
         raise _wrong("--sun", str(error)) from None
@@ -298,7 +404,7 @@ def _sun(text: str, north: float, unit: Unit) -> Lamp:
         f"sun: {position.elevation:.2f}° high, {position.azimuth:.2f}° from north by east, "
         f"{lamp.intensity:.6g} {unit}/m²"
     )
-    return lamp
+    return lamp, day
 
 
 def _hung(text: str, unit: Unit) -> Lamp:

@@ -10,11 +10,14 @@ import typer
 import isolux
 from isolux.cli import tables
 from isolux.cli.options import (
+    GroundOption,
     Jobs,
     JsonTarget,
     LampsOption,
     LightUnitsOption,
     NorthOption,
+    SkyIlluminanceOption,
+    SkyOption,
     SunOption,
     Units,
     check_target,
@@ -63,6 +66,9 @@ def relight(
     lamps: LampsOption = None,
     sun: SunOption = None,
     north: NorthOption = 0.0,
+    sky: SkyOption = None,
+    sky_illuminance: SkyIlluminanceOption = None,
+    ground: GroundOption = None,
     threads: Jobs = 0,
     json: JsonTarget = None,
 ) -> int:
@@ -84,7 +90,22 @@ def relight(
     with interrupts():
         opened = isolux.open(solution)
         if scene is not None:
-            _check_scene(opened, solution, scene, load_scene(scene, units, light_units, lamps, sun, north))
+            _check_scene(
+                opened,
+                solution,
+                scene,
+                load_scene(
+                    scene,
+                    units,
+                    light_units,
+                    lamps,
+                    sun=sun,
+                    north=north,
+                    sky=sky,
+                    sky_illuminance=sky_illuminance,
+                    ground=ground,
+                ),
+            )
         relit = opened.relight(lights, reflectance=paints, threads=threads)
         relit.save(out)
         values = {"output": str(out), "report": relit.report.to_dict()}

@@ -12,6 +12,7 @@ import isolux
 from isolux.cli import tables
 from isolux.cli.options import (
     ErrorOption,
+    GroundOption,
     Jobs,
     JsonTarget,
     LampsOption,
@@ -21,6 +22,8 @@ from isolux.cli.options import (
     NorthOption,
     ProgressOption,
     QualityOption,
+    SkyIlluminanceOption,
+    SkyOption,
     SunOption,
     TimeOption,
     Units,
@@ -65,6 +68,9 @@ def solve(
     lamps: LampsOption = None,
     sun: SunOption = None,
     north: NorthOption = 0.0,
+    sky: SkyOption = None,
+    sky_illuminance: SkyIlluminanceOption = None,
+    ground: GroundOption = None,
     light: LightOption = "file",
     json: JsonTarget = None,
     progress: ProgressOption = "auto",
@@ -197,6 +203,10 @@ def solve(
         isolux solve model.glb --light studio -o model.isolux
 
         isolux solve studio.glb --sun 48.1,11.6@2026-06-21T17:00+02:00 --north 20 -o studio.isolux
+
+        isolux solve studio.glb --sky cie:16 --sky-illuminance 10000 -o overcast.isolux
+
+        isolux solve studio.glb --sun 48.1,11.6@2026-06-21T17:00+02:00 --sky perez:700,120 -o clear.isolux
     """
     fields: dict[str, Any] = {
         "schedule": schedule,
@@ -227,7 +237,19 @@ def solve(
     settings = isolux.Settings(**fields)
     check_target(out, scene, None, wrong=(".glb", ".gltf", ".obj", ".ply", ".vtu", ".png", ".exr"))
     with interrupts() as hand:
-        loaded = load_scene(scene, units, light_units, lamps, sun, north, light, up)
+        loaded = load_scene(
+            scene,
+            units,
+            light_units,
+            lamps,
+            sun=sun,
+            north=north,
+            sky=sky,
+            sky_illuminance=sky_illuminance,
+            ground=ground,
+            light=light,
+            up=up,
+        )
         tell_of(loaded)
         with live(browser=browser) if view else nullcontext() as watched:
             server = None if watched is None else watched.server

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from isolux.report import Bands, ErrorEstimate, GroupsReport, Issue, Report, Unit
     from isolux.scene import Lamp, Light, LightGroup, Material, Scene
     from isolux.settings import Settings
+    from isolux.sky import Sky
 
 __all__ = [
     "issues",
@@ -64,6 +65,7 @@ def scene(scene: Scene, source: str) -> Table:
             f"({_bands(power)} by band)",
         ),
         *([("lamps", _lamp_power(scene))] if scene.lamps else []),
+        *([("sky", _sky(scene.sky, scene.unit))] if scene.sky is not None else []),
         ("cameras", ", ".join(scene.cameras) or "none"),
     ]
     return _pairs(rows)
@@ -72,7 +74,15 @@ def scene(scene: Scene, source: str) -> Table:
 def power(scene: Scene) -> str:
     """What all lights of a scene throw, in one line: what units were meant shows in it."""
     surfaces = f"light: {total_power(scene.emitted_power, scene.unit):.6g} {scene.unit} from surfaces"
-    return f"{surfaces}, lamps: {_lamp_power(scene)}" if scene.lamps else surfaces
+    lamps = f", lamps: {_lamp_power(scene)}" if scene.lamps else ""
+    sky = f", sky: {_sky(scene.sky, scene.unit)}" if scene.sky is not None else ""
+    return surfaces + lamps + sky
+
+
+def _sky(sky: Sky, unit: Unit) -> str:
+    """What the sky throws on level ground that sees all of it."""
+    whole = total_power(sky.horizontal, unit)
+    return f"{whole:.6g} {unit}/m² on level ground ({_bands(sky.horizontal)} by band)"
 
 
 def _lamp_power(scene: Scene) -> str:

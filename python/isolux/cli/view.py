@@ -16,6 +16,7 @@ import isolux
 from isolux import _isolux
 from isolux.cli.options import (
     ErrorOption,
+    GroundOption,
     Jobs,
     JsonTarget,
     LampsOption,
@@ -25,6 +26,8 @@ from isolux.cli.options import (
     NorthOption,
     ProgressOption,
     QualityOption,
+    SkyIlluminanceOption,
+    SkyOption,
     SunOption,
     TimeOption,
     Units,
@@ -97,6 +100,9 @@ def view(
     lamps: LampsOption = None,
     sun: SunOption = None,
     north: NorthOption = 0.0,
+    sky: SkyOption = None,
+    sky_illuminance: SkyIlluminanceOption = None,
+    ground: GroundOption = None,
     light: LightOption = "auto",
     memory: MemoryOption = None,
     time: TimeOption = None,
@@ -132,7 +138,19 @@ def view(
             error=asked_error(error, quality), threads=threads, memory=bytes_of(memory), time=seconds_of(time)
         )
         with interrupts() as hand:
-            scene = load_scene(source, units, light_units, lamps, sun, north, light, up)
+            scene = load_scene(
+                source,
+                units,
+                light_units,
+                lamps,
+                sun=sun,
+                north=north,
+                sky=sky,
+                sky_illuminance=sky_illuminance,
+                ground=ground,
+                light=light,
+                up=up,
+            )
             tell_of(scene)
             if export is None:
                 return _watch(scene, settings, hand, out, browser=browser, progress=progress, json=json)

@@ -16,12 +16,18 @@ if TYPE_CHECKING:
 
     from isolux.report import Unit
     from isolux.scene import UpAxis
+    from isolux.sky import Sky
 
 __all__ = ["load"]
 
 
 def load(
-    path: Path, metres_per_unit: float, unit: Unit, up: UpAxis = "y", lamps: Sequence[Lamp] = ()
+    path: Path,
+    metres_per_unit: float,
+    unit: Unit,
+    up: UpAxis = "y",
+    lamps: Sequence[Lamp] = (),
+    sky: Sky | None = None,
 ) -> Scene:
     """Read a mesh with trimesh; its objects keep their names, its materials are left behind.
 
@@ -63,6 +69,7 @@ def load(
             _unique(names),
             face_objects=np.repeat(np.arange(len(meshes)), [len(mesh.faces) for mesh in meshes]),
             lamps=[_in_units(entry, metres_per_unit) for entry in lamps],
+            sky=sky,
             metres_per_unit=metres_per_unit,
             unit=unit,
             name=path.stem,

@@ -2,7 +2,7 @@
 
 use super::{
     Alpha, Corners, Face, Issue, IssueKind, Lamp, LampShape, Material, Object, Plane, Polygon, RELATIVE_TOLERANCE,
-    Scene, SceneError, SceneInput, Severity, Side, Surface,
+    Scene, SceneError, SceneInput, Severity, Side, Sky, SkyPattern, Surface,
 };
 use crate::tree::Path;
 use crate::units::Rgb;
@@ -36,8 +36,20 @@ pub(super) fn build(input: SceneInput, options: &BuildOptions) -> Result<Scene, 
     if !(scale.is_finite() && scale > 0.0) {
         return Err(SceneError::Unit { metres_per_unit: scale });
     }
-    let SceneInput { name, unit, mut objects, faces, mut materials, images, masks, mut cameras, lamps, issues, .. } =
-        input;
+    let SceneInput {
+        name,
+        unit,
+        mut objects,
+        faces,
+        mut materials,
+        images,
+        masks,
+        mut cameras,
+        lamps,
+        sky,
+        issues,
+        ..
+    } = input;
     let mut notes = Notes { issues, groups: BTreeMap::new() };
     make_unique(objects.iter_mut().map(|object| &mut object.name), "object");
     make_unique(materials.iter_mut().map(|material| &mut material.name), "material");
@@ -124,8 +136,9 @@ pub(super) fn build(input: SceneInput, options: &BuildOptions) -> Result<Scene, 
         }
     }
     let lamps = admit_lamps(lamps, scale, &mut notes)?;
-    if lamps.is_empty() && polygons.iter().all(|polygon| polygon.emission == Rgb::ZERO) {
-        let message = "no surface emits light, and there is no lamp: everything would be black".to_owned();
+    let sky = sky.map(admit_sky).transpose()?;
+    if lamps.is_empty() && sky.is_none() && polygons.iter().all(|polygon| polygon.emission == Rgb::ZERO) {
+        let message = "no surface emits light, and there is no lamp and no sky: everything would be black".to_owned();
         notes.issues.push(Issue {
             severity: Severity::Warning,
             kind: IssueKind::NoLight,
@@ -144,6 +157,7 @@ pub(super) fn build(input: SceneInput, options: &BuildOptions) -> Result<Scene, 
         masks,
         cameras,
         lamps,
+        sky,
         triangles,
         face_polygon,
         issues: Vec::new(),
@@ -208,6 +222,34 @@ fn admit_lamps(mut lamps: Vec<Lamp>, scale: f64, notes: &mut Notes) -> Result<Ve
         }
     }
     Ok(admitted)
+}
+
+/// A sky that can be: unit vectors, coefficients that give light from everywhere above and no more than that, a ground that
+/// throws back no more than it gets.
+fn admit_sky(mut sky: Sky) -> Result<Sky, SceneError> {
+    let wrong = |what: &str| SceneError::Sky { what: what.to_owned() };
+    sky.up = sky.up.try_normalize().ok_or_else(|| wrong("its zenith has no direction"))?;
+    sky.sun = sky.sun.try_normalize().ok_or_else(|| wrong("its sun has no direction"))?;
+    let SkyPattern { gradation, indicatrix } = sky.pattern;
+    if !gradation.iter().chain(&indicatrix).all(|value| value.is_finite()) {
+        return Err(wrong("its coefficients are not finite numbers"));
+    }
+    if gradation[1] > 0.0 {
+        return Err(wrong(&format!("its coefficient b is {}: above 0 the horizon is infinitely bright", gradation[1])));
+    }
+    let whole = sky.pattern.horizontal(sky.sun.dot(sky.up));
+    if !(whole.is_finite() && whole > 0.0) {
+        return Err(wrong("its coefficients give no light"));
+    }
+    for (what, value) in [("radiance", sky.radiance), ("ground's reflectance", sky.ground)] {
+        if !value.is_finite() || value.min_component() < 0.0 {
+            return Err(wrong(&format!("its {what} is not a number of 0 or more")));
+        }
+    }
+    if sky.ground.max_component() > 1.0 {
+        return Err(wrong(&format!("its ground reflects {}, more than falls on it", sky.ground.max_component())));
+    }
+    Ok(sky)
 }
 
 /// A face that has passed: corners in metres, values clamped.

@@ -1,7 +1,10 @@
 //! Identity of a scene: a hash over everything that its results depend on or are read by; [`Scene::compute_hash`] lists
 //! what that is.
 
-use super::{Alpha, AlphaMask, Corners, Lamp, LampShape, Material, Plane, Pole, Polygon, Scene, Side, Texture, Wrap};
+use super::{
+    Alpha, AlphaMask, Corners, Lamp, LampShape, Material, Plane, Pole, Polygon, Scene, Side, Sky, SkyPattern, Texture,
+    Wrap,
+};
 use crate::units::Rgb;
 use glam::{DVec2, DVec3};
 use sha2::{Digest, Sha256};
@@ -23,6 +26,7 @@ pub(super) fn hash(scene: &Scene) -> [u8; 32] {
         masks,
         cameras: _,
         lamps,
+        sky,
         triangles,
         face_polygon,
         issues: _,
@@ -47,6 +51,10 @@ pub(super) fn hash(scene: &Scene) -> [u8; 32] {
     // Scenes without lamps keep the hash that they had before there were any.
     if !lamps.is_empty() {
         bytes.list(lamps, Bytes::lamp);
+    }
+    // As those without a sky.
+    if let Some(sky) = sky {
+        bytes.sky(sky);
     }
     bytes.0.finalize().into()
 }
@@ -195,6 +203,16 @@ impl Bytes {
                 }
             }
         }
+    }
+
+    fn sky(&mut self, sky: &Sky) {
+        let Sky { name, up, sun, pattern: SkyPattern { gradation, indicatrix }, radiance, ground } = sky;
+        self.text("sky");
+        self.text(name);
+        [up, sun].into_iter().for_each(|&vector| self.point(vector));
+        gradation.iter().chain(indicatrix).for_each(|&value| self.number(value));
+        self.rgb(*radiance);
+        self.rgb(*ground);
     }
 
     fn mask(&mut self, mask: &AlphaMask) {

@@ -1,6 +1,6 @@
 //! What a reader hands over: named objects with indexed faces, materials, images, cameras; nothing is trusted yet.
 
-use super::{AlphaMask, Camera, Lamp};
+use super::{AlphaMask, Camera, Lamp, Sky};
 use crate::units::{Rgb, Unit};
 use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
@@ -29,6 +29,8 @@ pub struct SceneInput {
     /// Lamps without a surface, world coordinates in the file's unit; their intensities are in cd, lux or W alike whatever
     /// that unit is.
     pub lamps: Vec<Lamp>,
+    /// The sky. No file of a scene has one.
+    pub sky: Option<Sky>,
     /// What the reader noticed already (ignored features, assumed values), each naming its object.
     pub issues: Vec<super::Issue>,
 }

@@ -129,6 +129,12 @@ pub enum SceneError {
         /// What is wrong with it.
         what: &'static str,
     },
+    /// A sky makes no sense.
+    #[error("the sky: {what}")]
+    Sky {
+        /// What is wrong with it.
+        what: String,
+    },
     /// The unit scale is not positive and finite.
     #[error("{metres_per_unit} metres per unit is not a positive length")]
     Unit {

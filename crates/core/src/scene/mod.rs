@@ -12,6 +12,7 @@ mod issue;
 mod lamp;
 mod mask;
 mod polygon;
+mod sky;
 
 pub use build::BuildOptions;
 pub use camera::{Camera, Projection};
@@ -22,6 +23,7 @@ pub use issue::{Issue, IssueKind, SceneError, Severity};
 pub use lamp::{Lamp, LampShape, Pole, Thrown, Web};
 pub use mask::AlphaMask;
 pub use polygon::{Plane, Polygon, Side};
+pub use sky::{Sky, SkyPattern};
 
 use crate::units::{Rgb, Unit};
 use glam::{DVec2, DVec3};
@@ -50,6 +52,8 @@ pub struct Scene {
     pub cameras: Vec<Camera>,
     /// Lamps without a surface, in file order, metres.
     pub lamps: Vec<Lamp>,
+    /// The sky, and the ground below it.
+    pub sky: Option<Sky>,
     /// Corners of every input triangle in file order, metres; the row is the face index. A quadrilateral face counts
     /// as two triangles (0,1,2) and (0,2,3).
     pub triangles: Vec<[DVec3; 3]>,
@@ -124,7 +128,7 @@ impl Scene {
     /// SHA-256 over the scene as it is now; equals `hash` unless someone changed it.
     ///
     /// It covers what a result depends on: polygons (corners, plane, area, surface values, sides, twins, masks with
-    /// their texture coordinates), masks, lamps, the diameter that tolerances refer to, and the unit of power. And it covers
+    /// their texture coordinates), masks, lamps, the sky, the diameter that tolerances refer to, and the unit of power. And it covers
     /// what a result is read by: input triangles, which polygon holds which of them, objects and materials by name
     /// and value (reports and outputs speak of them), texture coordinates. It does not cover the name of the scene,
     /// which a copied file may change, its cameras, images and findings: they change no value on a surface.

@@ -48,6 +48,7 @@ pub fn scene(polygons: Vec<Polygon>) -> Scene {
         masks: vec![],
         cameras: vec![],
         lamps: vec![],
+        sky: None,
         triangles: vec![],
         face_polygon: vec![],
         issues: vec![],
