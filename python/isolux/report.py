@@ -177,10 +177,12 @@ class GroupReport:
     polygons: int
     #: Their area, m².
     area: float
-    #: Emitted power per band, in the report's unit; of suns nothing is counted.
+    #: Emitted power per band, in the report's unit; of suns and the sky nothing is counted.
     power: Bands
     #: Lamps without a surface.
     lamps: int = 0
+    #: Whether the sky is in it.
+    sky: bool = False
 
 
 @dataclasses.dataclass(frozen=True)

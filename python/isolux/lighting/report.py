@@ -372,10 +372,14 @@ def _lights(solution: Solution) -> list[Block]:
         where = "-" if lamp.kind == "sun" else f"({x:.2f}, {y:.2f}, {z:.2f})"
         power = "-" if lamp.power is None else number(total_power(lamp.power, unit))
         rows.append([lamp.name, lamp.kind, "-", where, power])
+    if scene.sky is not None:
+        level = f"{number(luminance(scene.sky.horizontal))} {unit}/m² on level ground"
+        rows.append([scene.sky.name, "sky", "-", level, "-"])
     whole = total_power(scene.emitted_power, unit) + total_power(scene.lamp_power, unit)
     rows.append(["all", "", "", "", number(whole)])
     caption = (
-        f"Lights by object, and lamps without a surface, as they are lit in this solution; power in {unit}."
+        "Lights by object, lamps without a surface and the sky, as they are lit in this solution; "
+        f"power in {unit}."
     )
     header = ["light", "kind", "material", "area or place", f"power, {unit}"]
     blocks: list[Block] = [Table(header, rows, caption, frozenset(header[:4]))]
