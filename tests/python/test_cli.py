@@ -563,7 +563,7 @@ def test_internal_errors_are_one_line_with_a_hint():
     """Catches a traceback that nobody asked for, and one that was asked for and does not come."""
     code = (
         "import sys, isolux.cli.solve as s; from isolux.cli.app import run;"
-        "s.load_scene = lambda *_: 1 / 0; sys.exit(run(['solve', 'a.glb', '-o', sys.argv[1]]))"
+        "s.load_scene = lambda *_, **__: 1 / 0; sys.exit(run(['solve', 'a.glb', '-o', sys.argv[1]]))"
     )
     target = Path(os.devnull).parent / "null"
     done = in_python(code, target)

@@ -503,7 +503,9 @@ impl Lookout<'_> {
     fn set(&self, packet: &mut Packet, k: usize, direction: Vec3) -> bool {
         let (place, tolerance) = (self.places[k], self.geometry.tolerance);
         let length = 2.0 * (self.geometry.scene.diameter as f32).max(place.length());
-        // Within this distance what the place lies on is not met, as with rays of lamps.
+        // Within this distance what the place lies on is not met, as with rays of lamps. A single place may be a pixel's, so close
+        // to a wall that a tolerance lies beyond it, where the sky is bright: it is as close as rounding lets it be.
+        let least = if self.together { crate::lamps::NEAR } else { 1.0 };
         let rise = match self.receiver {
             Receiver::Plane(normal) => normal.as_vec3().dot(direction),
             Receiver::Cylinder(_) | Receiver::SemiCylinder { .. } => 1.0,
@@ -513,7 +515,7 @@ impl Lookout<'_> {
             packet.rays.origin[axis][k] = place[axis];
             packet.rays.direction[axis][k] = direction[axis] * length;
         }
-        packet.rays.near[k] = tolerance * own.max(1.0) / length;
+        packet.rays.near[k] = tolerance * own.max(least) / length;
         packet.rays.far[k] = 1.0;
         packet.weights[k] = if packet.rays.near[k] < 1.0 { 1.0 } else { 0.0 };
         packet.weights[k] > 0.0
