@@ -41,7 +41,7 @@ pub struct LightGroup {
     #[serde(default)]
     pub lamps: u64,
     /// Is the sky in it? Of its light, which has no end, no power is counted.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    #[serde(default)]
     pub sky: bool,
 }
 
