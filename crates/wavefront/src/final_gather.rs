@@ -111,8 +111,8 @@ fn cluster(polygons: &mut [u32], size: usize, centre: &impl Fn(u32) -> DVec3) {
 
 /// Gathers light at points. Values do not depend on who asks, in which order.
 ///
-/// What lamps without a surface throw: by a shadow ray to each. What the sky throws: by rays in a hierarchy of directions
-/// ([`crate::sky`]), about as many as around.
+/// What lamps without a surface throw: by a shadow ray to each. What the sky throws: by rays in a hierarchy of directions,
+/// about as many as around.
 ///
 /// What is emitted: each emitter counts by its form factor at the point, in closed form, times the share of it that the point
 /// sees. Rays to places on emitters tell that share, more of them to emitters that throw more. Where nothing stands between,
