@@ -32,6 +32,9 @@ const ELEMENTS_PER_POINT: usize = 16;
 const SIDE_PER_ERROR: f64 = 0.25;
 const SIDES: (f64, f64) = (8.0, 32.0);
 
+/// Most times as many rays where it is bright.
+const MOST_RAYS: f32 = 64.0;
+
 /// Rays to emitters of a batch, per direction.
 const TO_LIGHTS: f64 = 0.5;
 
@@ -65,6 +68,8 @@ pub struct Check {
 struct Point {
     place: Place,
     found: [Bands; 2],
+    /// Rays that told it.
+    rays: u64,
     solved: Bands,
     /// Square of what its leaf knows to miss of lamps' direct light.
     known: f64,
@@ -203,6 +208,13 @@ impl Rays {
         Rays { side, to_lights: (TO_LIGHTS * (side * side) as f64) as usize }
     }
 
+    /// Where there is so many times the mean irradiance, up to so many times as many rays: noise is a share of what arrives, its
+    /// square goes into a mean over all points, and one place within a lamp's shade would hold all of that mean's own error.
+    fn where_bright(self, times: f32) -> Rays {
+        // Where there is no light there is no mean.
+        self.times(if times > 1.0 { times.min(MOST_RAYS).sqrt() } else { 1.0 })
+    }
+
     /// So many times as many strata a side.
     fn times(self, factor: f32) -> Rays {
         let side = (self.side as f32 * factor).round() as usize;
@@ -268,6 +280,8 @@ pub(crate) fn check(transport: &Transport, light: &Light, error: f64, seed: u64,
     let count = points.unwrap_or_else(|| points_of(elements.len()));
     let points: Vec<Point> = at_points(transport, seed ^ 0x636865636b, count, |place, stream| {
         let Place { polygon, point } = place;
+        let solved = crate::read::field_at(geometry, elements, light, polygon, point);
+        let rays = rays.where_bright(solved.iter().sum::<f32>() / 3.0 / light.scale);
         let emitters = emitters.seen_from(place, rays.ratio(), geometry, elements);
         let gather = |stream: &mut Stream| {
             let mut sum = over_hemisphere(place, rays.side, geometry, elements, light, &emitters, stream);
@@ -282,8 +296,7 @@ pub(crate) fn check(transport: &Transport, light: &Light, error: f64, seed: u64,
             let sky = geometry.dome.as_ref().map_or([0.0; 3], |dome| dome.light(sky[batch]));
             std::array::from_fn(|band| found[batch][band] + lit[band] + sky[band])
         });
-        let solved = crate::read::field_at(geometry, elements, light, polygon, point);
-        Some(Point { place, found, solved, known })
+        Some(Point { place, found, rays: rays.of_point(), solved, known })
     });
     let places: Vec<Place> = points.iter().map(|point| point.place).collect();
     let errors = errors(&places, |point, batch| points[point].lacks()[batch], transport, light);
@@ -291,7 +304,7 @@ pub(crate) fn check(transport: &Transport, light: &Light, error: f64, seed: u64,
     let lacks = |index: usize| points[index].lacks();
     Check {
         points: count,
-        rays: points.len() as u64 * rays.of_point(),
+        rays: points.iter().map(|point| point.rays).sum(),
         ..measured(&solved, lacks, |index| errors[index], |index| points[index].known)
     }
 }
