@@ -5,8 +5,8 @@
                                [--threads 2] [--python PYTHON] [--yardstick DIR] [--csv FILE] [--json FILE]
 
 Each line is a process of its own that loads, solves and reads irradiance at the reference's points; seconds
-and megabytes are that whole process's, solve the solve's alone. `harness.scores` says what rms, dark, bias,
-p95 and leak are; claimed and claimed_dark are the solve's own estimates of rms and dark. Points that
+and megabytes are that whole process's, solve the solve's alone. `harness.scores` says what rms, rms_se, dark,
+bias, p95 and leak are; claimed and claimed_dark are the solve's own estimates of rms and dark. Points that
 something covers do not count (`harness.Case.counted`). --time bounds each solve, schedule wavefront only.
 --yardstick takes the scenes of a folder with scenes/NAME.glb, points/NAME.npz and ref/NAME.npz instead of
 ours. Needs NumPy; PYTHON needs isolux.
@@ -27,6 +27,7 @@ COLUMNS: dict[str, harness.Shown] = {
     "scene": str,
     "asked": harness.share,
     "rms": harness.share,
+    "rms_se": harness.share,
     "claimed": harness.share,
     "met": lambda met: {True: "yes", False: "NO", None: "-"}[met],
     "dark": harness.share,

@@ -294,11 +294,12 @@ def chosen(names: Sequence[str] | None, yardstick: Path | None = None) -> list[C
 def scores(reference: Reference, irradiance: Floats) -> dict[str, float]:
     """Errors over points and channels; points lie area-weighted, so a plain mean is a surface mean.
 
-    rms: sqrt(mean(d^2 - se^2)) / mean E, the reference's noise taken out in quadrature. dark: the same over
-    the half of the points with the least E, relative to that half's mean (nan where that is 0). bias: mean d
-    / mean E. p95: 95th percentile of abs(d) / mean E. leak: RMS of what arrives where the reference is
-    exactly 0, over mean E (nan where there is no such point). missing: points without a finite value, taken
-    for 0.
+    rms: sqrt(mean(d^2 - se^2)) / mean E, the reference's noise taken out in quadrature. rms_se: its standard
+    error, as points are a sample of the surfaces (nan where rms is 0): few, within millimetres of where
+    things touch, may hold most of it. dark: as rms, over the half of the points with the least E, relative to
+    that half's mean (nan where that is 0). bias: mean d / mean E. p95: 95th percentile of abs(d) / mean E.
+    leak: RMS of what arrives where the reference is exactly 0, over mean E (nan where there is no such one).
+    missing: points without a finite value, taken for 0.
     """
     missing = ~np.isfinite(irradiance).all(axis=1)
     d = np.where(missing[:, None], 0.0, irradiance) - reference.irradiance
@@ -307,13 +308,19 @@ def scores(reference: Reference, irradiance: Floats) -> dict[str, float]:
     dark = np.asarray(brightness <= np.median(brightness))
     black = reference.unlit
     return {
-        "rms": _rms(d, reference.error, mean),
+        "rms": (rms := _rms(d, reference.error, mean)),
+        "rms_se": _sampled(d, reference.error, mean) / (2 * rms) if rms > 0 else math.nan,
         "dark": _rms(d[dark], reference.error[dark], float(reference.irradiance[dark].mean())),
         "bias": float(d.mean()) / mean,
         "p95": float(np.percentile(np.abs(d), 95)) / mean,
         "leak": math.sqrt(float((d[black] ** 2).mean())) / mean if black.any() else math.nan,
         "missing": float(missing.sum()),
     }
+
+
+def _sampled(d: Floats, error: Floats, scale: float) -> float:
+    squares = ((d**2 - error**2) / scale**2).mean(axis=1)
+    return float(squares.std(ddof=1)) / math.sqrt(len(squares))
 
 
 def _rms(d: Floats, error: Floats, scale: float) -> float:

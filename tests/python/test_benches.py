@@ -146,6 +146,10 @@ def test_scores_are_what_they_say():
     assert score["dark"] == pytest.approx(math.sqrt((0.01 + 0.04) / 2) / 0.5)
     assert score["bias"] == pytest.approx(0.3 / 4 / 2)
     assert score["leak"] == pytest.approx(0.1 / 2)
+    # Squares relative to the mean: 0.0025, 0.01, 0.04 and 0; the square's standard error over twice its root.
+    spread = np.std([0.0025, 0.01, 0.04, 0.0], ddof=1) / 2
+    assert score["rms_se"] == pytest.approx(spread / (2 * score["rms"]))
+    assert math.isnan(harness.scores(reference, values)["rms_se"])
     noisy = harness.Reference(np.zeros(4), np.zeros((4, 3)), values, np.full((4, 3), 0.1))
     assert harness.scores(noisy, found)["rms"] == pytest.approx(math.sqrt(0.21 / 4 - 0.01) / 2)
     found[2] = np.nan
