@@ -152,13 +152,23 @@ fn bounds(root: &Element) -> (Vec3, Vec3) {
 
 /// The part of a segment of an element's plane that runs through its inside, further than a tolerance from its sides.
 fn within(element: &Element, segment: &[Vec3; 2], normal: Vec3, tolerance: f32) -> Option<[Vec3; 2]> {
+    clipped(element, segment, normal, |side| tolerance.max(1e-3 * side))
+}
+
+/// What of a segment is farther from all sides of an element, inwards, than `margin` says of a side of that length.
+fn clipped(
+    element: &Element,
+    segment: &[Vec3; 2],
+    normal: Vec3,
+    margin: impl Fn(f32) -> f32,
+) -> Option<[Vec3; 2]> {
     let corners = &element.corners[..element.count as usize];
     // The part of the segment that is left of all sides.
     let (mut from, mut to) = (0.0_f32, 1.0_f32);
     for k in 0..corners.len() {
         let side = corners[(k + 1) % corners.len()] - corners[k];
         let inward = normal.cross(side).normalize_or_zero();
-        let margin = tolerance.max(1e-3 * side.length());
+        let margin = margin(side.length());
         let depth = [0, 1].map(|end: usize| inward.dot(segment[end] - corners[k]) - margin);
         match (depth[0] > 0.0, depth[1] > 0.0) {
             (false, false) => return None,
@@ -178,8 +188,29 @@ fn crosses(element: &Element, segment: &[Vec3; 2], normal: Vec3, tolerance: f32)
 pub(crate) fn mark(elements: &mut [Element], geometry: &Geometry, lines: bool) {
     elements.par_iter_mut().for_each(|element| {
         element.crossed = lines && geometry.contacts.any(element.polygon);
+        element.lined = lined_parts(element, u16::MAX, geometry);
         (element.open, element.divided) = open_parts(element, geometry);
     });
+}
+
+/// The parts of an element, of those in `among`, that a line of contact may run through or along.
+fn lined_parts(element: &Element, among: u16, geometry: &Geometry) -> u16 {
+    if !element.crossed {
+        return 0;
+    }
+    let (normal, beside) = (geometry.surfaces[element.polygon as usize].normal, BESIDE * geometry.tolerance);
+    let lines: Vec<&Line> = geometry.contacts.near(element, beside).collect();
+    let mut lined = 0;
+    for (quadrant, quarter) in element.quarters(0).iter().enumerate() {
+        if among >> (4 * quadrant) & 0b1111 == 0 {
+            continue;
+        }
+        for (k, part) in quarter.quarters(0).iter().enumerate() {
+            let meets = |line: &&Line| clipped(part, line, normal, |_| -beside).is_some();
+            lined |= u16::from(lines.iter().any(meets)) << (4 * quadrant + k);
+        }
+    }
+    lined & among
 }
 
 /// The parts of an element whose own points nothing covers (of one that nothing stands on all or none), and whether there are
@@ -197,14 +228,19 @@ fn open_parts(element: &Element, geometry: &Geometry) -> (u16, bool) {
     let open =
         (0..16).fold(0, |open, part| open | u16::from(!is_covered(own[part], element.polygon, geometry)) << part);
     let mut lit: Vec<Vec3> = (0..16).filter(|part| open >> part & 1 == 1).map(|part| own[part]).collect();
-    let from_strips = strips(element, geometry, &mut lit);
     let normal = geometry.surfaces[element.polygon as usize].normal;
-    let divided = open == 0 && from_strips != 0
-        || geometry.contacts.near(element, geometry.tolerance).any(|line| {
+    let is_divided = |lit: &[Vec3]| {
+        geometry.contacts.near(element, geometry.tolerance).any(|line| {
             let Some([from, to]) = within(element, line, normal, geometry.tolerance) else { return false };
             let left = |point: &Vec3| normal.dot((to - from).cross(*point - from)) > 0.0;
             lit.iter().any(left) && !lit.iter().all(left)
-        });
+        })
+    };
+    if open != 0 && is_divided(&lit) {
+        return (open, true);
+    }
+    let from_strips = strips(element, geometry, &mut lit);
+    let divided = open == 0 && from_strips != 0 || is_divided(&lit);
     (if open == 0 { from_strips } else { open }, divided)
 }
 
@@ -401,11 +437,14 @@ pub(crate) fn split(elements: &mut Vec<Element>, nodes: impl IntoIterator<Item =
 fn quarters_of(element: &Element, own: u32, geometry: &Geometry) -> [Element; 4] {
     let normal = geometry.surfaces[element.polygon as usize].normal;
     let mut quarters = element.quarters(own);
-    for quarter in &mut quarters {
+    for (quadrant, quarter) in quarters.iter_mut().enumerate() {
         quarter.open = element.open;
         if element.crossed {
             let mut lines = geometry.contacts.near(quarter, geometry.tolerance);
             quarter.crossed = lines.any(|line| crosses(quarter, line, normal, geometry.tolerance));
+            // Quarters of the quarter are parts of the element.
+            let among = (0..4).filter(|k| element.lined >> (4 * quadrant + k) & 1 == 1);
+            quarter.lined = lined_parts(quarter, among.fold(0, |parts, k| parts | 0b1111 << (4 * k)), geometry);
             (quarter.open, quarter.divided) = open_parts(quarter, geometry);
         }
     }

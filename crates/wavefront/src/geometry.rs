@@ -44,6 +44,8 @@ pub(crate) struct Element {
     pub(crate) count: u8,
     /// Does a line of contact run through it?
     pub(crate) crossed: bool,
+    /// Which of its sixteen parts, in the order of the quadtree, such a line may run through or along.
+    pub(crate) lined: u16,
     /// Is it open on both sides of such a line, so that it may be lit on one and dark on the other?
     pub(crate) divided: bool,
     /// Which of its sixteen parts, in the order of the quadtree, nothing covers.
@@ -86,6 +88,7 @@ impl Element {
             first_child: NONE,
             count,
             crossed: false,
+            lined: 0,
             divided: false,
             open: u16::MAX,
             path,

@@ -100,14 +100,18 @@ pub(crate) fn own_point(element: &Element, index: usize) -> (Vec3, [f32; 2]) {
 
 /// A point of part `index` of 16 of an element that something stands on, as [`point_of`]: covered if the part's own point is,
 /// as no line of contact lies between the two. Where one would, the own point.
+#[inline(always)]
 pub(crate) fn beside_own_point(
     element: &Element,
     index: usize,
     jitter: [f32; 2],
     geometry: &Geometry,
 ) -> (Vec3, [f32; 2]) {
-    let own = own_point(element, index);
     let place = point_of(element, 2, index, jitter);
+    if element.lined >> index & 1 == 0 {
+        return place;
+    }
+    let own = own_point(element, index);
     if geometry.contacts.between(own.0, place.0, element.polygon, geometry) { own } else { place }
 }
 
