@@ -470,7 +470,7 @@ def test_an_iteration_limit_keeps_the_result(isolux_command, scene_file, tmp_pat
         ("solve {scene} -o {tmp}/a.isolux --progress loud", "'loud' is not one of"),
         ("solve {scene} -o {tmp}", "is a folder"),
         ("solve {scene} -o {scene}x/a.isolux/b", "needs a folder that cannot be made"),
-        ("solve {scene} -o {tmp}/lit.glb", "isolux bake and isolux render write such files"),
+        ("solve {scene} -o {tmp}/lit.glb", "isolux bake, render and view write such files"),
         ("bake {solution} -o {solution}", "should have a name that ends in .glb or .ply or .vtu"),
         (
             "bake {solution} -o {tmp}/a.glb --exposure bright",

@@ -112,7 +112,8 @@ def _with_rays(arguments: Sequence[str]) -> list[str]:
 
 
 def _usage(error: typer.TyperException) -> int:
-    message = " ".join(error.format_message().split())
+    # What a parser calls its errors is no word for people.
+    message = " ".join(error.format_message().split()).replace("Value error, ", "")
     if message:
         context = getattr(error, "ctx", None)
         command = context.command_path if context is not None else "isolux"
