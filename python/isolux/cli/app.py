@@ -43,8 +43,9 @@ app = typer.Typer(
     add_completion=False,
     rich_markup_mode="markdown",
     help="Noise-free global illumination of diffuse scenes by hierarchical radiosity.",
-    epilog="Exit codes: 0 good, 1 internal error or a result that could not be written, 2 usage, "
-    "3 a scene, luminaire or solution that cannot be used, 4 not converged (the result is kept), "
+    epilog="Exit codes: 0 good, 1 internal error or a result that could not be written in the end, "
+    "2 usage or a target that cannot be written, 3 a scene, luminaire or solution that cannot be used, "
+    "4 not converged (the result is kept), "
     "130 cancelled (a partial result is kept).",
 )
 app.command()(inspect.inspect)
