@@ -446,7 +446,8 @@ def _quantities(name: str, asked: Sequence[str]) -> tuple[str, ...]:
 
 def _number(name: str, what: str, value: float, least: float) -> float:
     if not (math.isfinite(value) and value >= least):
-        raise MeasureError(f"{name}: {what} is {value}: expected a number of {least:g} or more")
+        bound = f" of {least:g} or more" if math.isfinite(least) else " that is finite"
+        raise MeasureError(f"{name}: {what} is {value}: expected a number{bound}")
     return float(value)
 
 

@@ -426,6 +426,23 @@ def test_short_runs_say_nothing_of_progress(capsys, monkeypatch):
                 assert capsys.readouterr().err == (short if done == 0.25 else long)
 
 
+def test_a_phase_that_tells_nothing_is_told_once(capsys, monkeypatch):
+    """Catches seconds without a line, since the only state came before lines begin; and a line told twice."""
+    monkeypatch.setattr("isolux.cli.progress._QUIET", 0.3)
+    state = SimpleNamespace(phase="charts", done=0.0, detail="")
+    with showing("auto") as show:
+        show(state)
+        assert capsys.readouterr().err == ""
+        time.sleep(0.6)
+        assert capsys.readouterr().err == "  0 %  laying out charts\n"
+        show(state)
+        time.sleep(0.4)
+    with showing("auto") as show:
+        show(state)
+    time.sleep(0.4)
+    assert capsys.readouterr().err == ""
+
+
 def test_json_progress_is_json(isolux_command, scene_file, tmp_path):
     """Catches progress lines that programs cannot read."""
     done = isolux_command(
@@ -470,7 +487,7 @@ def test_an_iteration_limit_keeps_the_result(isolux_command, scene_file, tmp_pat
         ("solve {scene} -o {tmp}/a.isolux --progress loud", "'loud' is not one of"),
         ("solve {scene} -o {tmp}", "is a folder"),
         ("solve {scene} -o {scene}x/a.isolux/b", "needs a folder that cannot be made"),
-        ("solve {scene} -o {tmp}/lit.glb", "isolux bake and isolux render write such files"),
+        ("solve {scene} -o {tmp}/lit.glb", "isolux bake, render and view write such files"),
         ("bake {solution} -o {solution}", "should have a name that ends in .glb or .ply or .vtu"),
         (
             "bake {solution} -o {tmp}/a.glb --exposure bright",

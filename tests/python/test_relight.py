@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import time
 
 import numpy as np
 import pytest
-from conftest import CUBE, SIDES, lamp
+from conftest import CUBE, ROOT, SIDES, lamp
 
 import isolux
 from isolux.exceptions import NotRelightableError, RelightError
@@ -237,3 +238,15 @@ def test_the_command_knows_its_scene(isolux_command, scene_file, tmp_path):
     assert [group["name"] for group in seen["groups"]] == ["ceiling"]
     assert seen["groups"][0]["total"] == pytest.approx(isolux.load(scene_file).lights[0].total)
     assert "light group" in isolux_command("inspect", scene_file).stdout
+
+
+def test_lights_named_in_the_documents_exist():
+    """Catches a page whose commands are refused, since the room that comes along has no such lamp."""
+    groups = {group.name for group in isolux.load(ROOT / "scenes" / "room.glb").light_groups}
+    for page in ("relight", "lighting-report"):
+        text = (ROOT / "docs" / "how-to" / f"{page}.md").read_text(encoding="utf-8")
+        named = set(re.findall(r'--set "([^"=]+)=', text))
+        named.update(*(re.findall(r'"([^"]+)": [\d(]', line) for line in text.splitlines() if "{" in line))
+        assert len(named) >= 2
+        # Other reflectances stand in the same words.
+        assert named - {"oak floor"} <= groups, page

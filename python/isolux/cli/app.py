@@ -43,8 +43,9 @@ app = typer.Typer(
     add_completion=False,
     rich_markup_mode="markdown",
     help="Noise-free global illumination of diffuse scenes by hierarchical radiosity.",
-    epilog="Exit codes: 0 good, 1 internal error or a result that could not be written, 2 usage, "
-    "3 a scene, luminaire or solution that cannot be used, 4 not converged (the result is kept), "
+    epilog="Exit codes: 0 good, 1 internal error or a result that could not be written in the end, "
+    "2 usage or a target that cannot be written, 3 a scene, luminaire or solution that cannot be used, "
+    "4 not converged (the result is kept), "
     "130 cancelled (a partial result is kept).",
 )
 app.command()(inspect.inspect)
@@ -112,7 +113,8 @@ def _with_rays(arguments: Sequence[str]) -> list[str]:
 
 
 def _usage(error: typer.TyperException) -> int:
-    message = " ".join(error.format_message().split())
+    # What a parser calls its errors is no word for people.
+    message = " ".join(error.format_message().split()).replace("Value error, ", "")
     if message:
         context = getattr(error, "ctx", None)
         command = context.command_path if context is not None else "isolux"

@@ -8,16 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 import isolux
-from isolux.cli.options import (
-    GatherRays,
-    Jobs,
-    JsonTarget,
-    ProgressOption,
-    check_target,
-    exposure_factor,
-    write_json,
-)
+from isolux.cli.options import GatherRays, Jobs, JsonTarget, ProgressOption, exposure_factor
 from isolux.cli.progress import showing
+from isolux.cli.targets import Targets, write_json
 from isolux.cli.terminal import interrupts, say
 
 if TYPE_CHECKING:
@@ -132,7 +125,9 @@ def bake(
     for option, value in maps_only.items():
         if value is not None:
             raise typer.BadParameter("it belongs to --to lightmap", param_hint=option)
-    check_target(out, solution, (".glb", ".ply", ".vtu"))
+    targets = Targets(solution)
+    targets.check(out, (".glb", ".ply", ".vtu"))
+    targets.check_json(json)
     with interrupts():
         opened = isolux.open(solution)
         factor = exposure_factor(exposure, opened.exposure)
@@ -155,12 +150,12 @@ def _lightmap(
     progress: Any,  # noqa: ANN401 (a word of `ProgressMode`)
 ) -> int:
     """Bake lightmaps; tell what was written, and what is not as it was asked for."""
-    check_target(out, solution, (".glb",))
     scene = options.get("scene")
-    if scene is not None:
-        check_target(out, scene, None)
-        if scene.suffix.lower() not in (".glb", ".gltf"):
-            raise typer.BadParameter(f"{scene} is neither .glb nor .gltf: leave it out", param_hint="--scene")
+    targets = Targets(solution, scene)
+    targets.check(out, (".glb",))
+    targets.check_json(json)
+    if scene is not None and scene.suffix.lower() not in (".glb", ".gltf"):
+        raise typer.BadParameter(f"{scene} is neither .glb nor .gltf: leave it out", param_hint="--scene")
     with interrupts():
         opened = isolux.open(solution)
         factor = exposure_factor(exposure, opened.exposure)

@@ -9,20 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from isolux.cli import tables
-from isolux.cli.options import (
-    GroundOption,
-    JsonTarget,
-    LampsOption,
-    LightUnitsOption,
-    NorthOption,
-    SkyIlluminanceOption,
-    SkyOption,
-    SunOption,
-    Units,
-    UpOption,
-    load_scene,
-    write_json,
-)
+from isolux.cli.options import JsonTarget
+from isolux.cli.reading import Reading, load_scene, reads_scene
+from isolux.cli.targets import Targets, write_json
 from isolux.cli.terminal import interrupts, show
 from isolux.photometry import PHOTOMETRIC_SUFFIXES, Photometry, read_photometry
 
@@ -33,22 +22,16 @@ if TYPE_CHECKING:
 __all__ = ["inspect"]
 
 
+@reads_scene()
 def inspect(
+    *,
     scene: Annotated[
         Path,
         typer.Argument(
             metavar="SCENE", help="glTF (.glb, .gltf) or OBJ; or a luminaire, IES (.ies) or EULUMDAT (.ldt)."
         ),
     ],
-    units: Units = None,
-    up: UpOption = "y",
-    light_units: LightUnitsOption = "spec",
-    lamps: LampsOption = None,
-    sun: SunOption = None,
-    north: NorthOption = 0.0,
-    sky: SkyOption = None,
-    sky_illuminance: SkyIlluminanceOption = None,
-    ground: GroundOption = None,
+    reading: Reading,
     json: JsonTarget = None,
 ) -> int:
     """Show what is in a scene: extents, polygons, lights and lamps by groups, cameras, materials, findings.
@@ -67,26 +50,12 @@ def inspect(
 
         isolux inspect lamp.ies
     """
+    Targets(scene).check_json(json)
     with interrupts():
         if scene.suffix.lower() in PHOTOMETRIC_SUFFIXES:
-            if units is not None:
-                raise typer.BadParameter("a luminaire's file says its units", param_hint="--units")
-            given = {"--lamp": lamps, "--sun": sun, "--sky": sky}
-            if option := next((name for name, value in given.items() if value is not None), None):
-                raise typer.BadParameter("lamps are added to scenes, not to luminaires", param_hint=option)
+            reading.refuse(f"it needs a scene, and {scene} is a luminaire")
             return _show_luminaire(read_photometry(scene), json)
-        loaded = load_scene(
-            scene,
-            units,
-            light_units,
-            lamps,
-            sun=sun,
-            north=north,
-            sky=sky,
-            sky_illuminance=sky_illuminance,
-            ground=ground,
-            up=up,
-        )
+        loaded = load_scene(scene, reading)
         loaded.check()
         findings = sorted(loaded.issues + loaded.audit(), key=lambda issue: issue.severity != "warning")
         return _show(loaded, scene, findings, json)

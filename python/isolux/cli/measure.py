@@ -10,8 +10,9 @@ import typer
 import isolux
 from isolux import _isolux
 from isolux.cli import tables
-from isolux.cli.options import Jobs, JsonTarget, ProgressOption, check_target, write_json
+from isolux.cli.options import Jobs, JsonTarget, ProgressOption
 from isolux.cli.progress import showing
+from isolux.cli.targets import Targets, write_json
 from isolux.cli.terminal import interrupts, say, show
 from isolux.grids import BORDER
 from isolux.io import measures_file
@@ -106,9 +107,10 @@ def measure(
         isolux measure room.isolux --measures office.toml --json office.json
     """
     asked = specs(plane, surface, points, measures, quantity, border, spacing)
-    for target, option in ((out, "-o"), (summary, "--summary")):
-        if target is not None:
-            check_target(target, solution, (".csv",), option=option)
+    targets = Targets(solution, measures, *(points or ()))
+    targets.check(out, (".csv",))
+    targets.check(summary, (".csv",), option="--summary")
+    targets.check_json(json)
     with interrupts():
         opened = isolux.open(solution)
         with showing(progress) as hear:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import sys
+import threading
 import time
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Protocol
@@ -83,7 +85,15 @@ def showing(mode: ProgressMode) -> Iterator[Callable[[State], None] | None]:
     elif mode == "plain":
         yield _Lines(_plain_line, _LINES_EVERY)
     elif not sys.stderr.isatty():
-        yield _Lines(_plain_line, _LINES_EVERY, _QUIET)
+        lines = _Lines(_plain_line, _LINES_EVERY, _QUIET)
+        # What began in the quiet, and then tells nothing for long, is told when that is over.
+        overdue = threading.Timer(_QUIET, lines.overdue)
+        overdue.daemon = True
+        overdue.start()
+        try:
+            yield lines
+        finally:
+            overdue.cancel()
     else:
         columns = (
             TextColumn("{task.description}"),
@@ -133,14 +143,26 @@ class _Lines:
         self._clock = _Clock()
         self._phase = ""
         self._next = 0.0
+        self._untold: State | None = None
+        self._lock = threading.Lock()
 
     def __call__(self, state: State) -> None:
-        now = self._clock.elapsed()
-        if now < self._quiet:
-            return
-        if state.phase == self._phase and now < self._next:
-            return
-        self._phase, self._next = state.phase, now + self._every
+        with self._lock:
+            now = self._clock.elapsed()
+            if now < self._quiet:
+                self._untold = state
+            elif state.phase != self._phase or now >= self._next:
+                self._tell(state, now)
+
+    def overdue(self) -> None:
+        """Tell, from a thread of its own, what was kept back at the beginning and has not been told since."""
+        # Nobody may be left to read it.
+        with self._lock, contextlib.suppress(OSError, ValueError):
+            if self._untold is not None:
+                self._tell(self._untold, self._clock.elapsed())
+
+    def _tell(self, state: State, now: float) -> None:
+        self._untold, self._phase, self._next = None, state.phase, now + self._every
         print(self._line(state, self._clock), file=sys.stderr, flush=True)
 
 

@@ -9,21 +9,9 @@ import typer
 
 import isolux
 from isolux.cli import tables
-from isolux.cli.options import (
-    GroundOption,
-    Jobs,
-    JsonTarget,
-    LampsOption,
-    LightUnitsOption,
-    NorthOption,
-    SkyIlluminanceOption,
-    SkyOption,
-    SunOption,
-    Units,
-    check_target,
-    load_scene,
-    write_json,
-)
+from isolux.cli.options import Jobs, JsonTarget
+from isolux.cli.reading import Reading, load_scene, reads_scene
+from isolux.cli.targets import SCENES_AND_PICTURES, Targets, write_json
 from isolux.cli.terminal import interrupts, show
 from isolux.exceptions import SolutionFileError
 
@@ -33,7 +21,9 @@ if TYPE_CHECKING:
 __all__ = ["relight"]
 
 
+@reads_scene()
 def relight(
+    *,
     solution: Annotated[
         Path, typer.Argument(metavar="SOLUTION", help="What isolux solve wrote (schedule wavefront).")
     ],
@@ -61,14 +51,7 @@ def relight(
         Path | None,
         typer.Option(metavar="SCENE", help="Make sure that the solution is one of this scene."),
     ] = None,
-    units: Units = None,
-    light_units: LightUnitsOption = "spec",
-    lamps: LampsOption = None,
-    sun: SunOption = None,
-    north: NorthOption = 0.0,
-    sky: SkyOption = None,
-    sky_illuminance: SkyIlluminanceOption = None,
-    ground: GroundOption = None,
+    reading: Reading,
     threads: Jobs = 0,
     json: JsonTarget = None,
 ) -> int:
@@ -85,27 +68,16 @@ def relight(
 
         isolux relight room.isolux --scene room.glb --set sun=0 -o night.isolux
     """
-    check_target(out, solution, None, wrong=(".glb", ".gltf", ".obj", ".ply", ".vtu", ".png", ".exr"))
+    if scene is None:
+        reading.refuse("it belongs to --scene, which is not given")
+    targets = Targets(solution, scene)
+    targets.check(out, refused=SCENES_AND_PICTURES)
+    targets.check_json(json)
     lights, paints = _named("--set", weights), _named("--reflectance", reflectance)
     with interrupts():
         opened = isolux.open(solution)
         if scene is not None:
-            _check_scene(
-                opened,
-                solution,
-                scene,
-                load_scene(
-                    scene,
-                    units,
-                    light_units,
-                    lamps,
-                    sun=sun,
-                    north=north,
-                    sky=sky,
-                    sky_illuminance=sky_illuminance,
-                    ground=ground,
-                ),
-            )
+            _check_scene(opened, solution, scene, load_scene(scene, reading))
         relit = opened.relight(lights, reflectance=paints, threads=threads)
         relit.save(out)
         values = {"output": str(out), "report": relit.report.to_dict()}

@@ -8,18 +8,9 @@ from typing import Annotated
 import typer
 
 import isolux
-from isolux.cli.options import (
-    GatherRays,
-    Jobs,
-    JsonTarget,
-    ProgressOption,
-    check_target,
-    exposure_factor,
-    point,
-    size,
-    write_json,
-)
+from isolux.cli.options import GatherRays, Jobs, JsonTarget, ProgressOption, exposure_factor, point, size
 from isolux.cli.progress import showing
+from isolux.cli.targets import Targets, write_json
 from isolux.cli.terminal import interrupts, say
 
 __all__ = ["render"]
@@ -71,7 +62,9 @@ def render(
             "it and --eye say the same thing twice: give one of them", param_hint="--camera"
         )
     look_from, look_at, wanted = point("--eye", eye), point("--at", at), size(pixels)
-    check_target(out, solution, (".png", ".exr"))
+    targets = Targets(solution)
+    targets.check(out, (".png", ".exr"))
+    targets.check_json(json)
     with interrupts():
         opened = isolux.open(solution)
         factor = exposure_factor(exposure, opened.exposure)

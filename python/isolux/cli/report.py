@@ -10,8 +10,9 @@ import typer
 import isolux
 from isolux.cli import measure as measuring
 from isolux.cli.measure import PlaneOption, Quantities, SamplesOption
-from isolux.cli.options import Jobs, JsonTarget, ProgressOption, check_target, write_json
+from isolux.cli.options import Jobs, JsonTarget, ProgressOption
 from isolux.cli.progress import showing
+from isolux.cli.targets import Targets, write_json
 from isolux.cli.terminal import interrupts, say
 from isolux.lighting.report import SUFFIXES, Header, check_packages, document, save
 from isolux.measures import SAMPLES
@@ -53,8 +54,10 @@ def report(
         isolux report room.isolux --measures office.toml -o office.pdf --project "Office 3" --client "C. D."
     """
     specs = measuring.specs(plane, None, None, measures, quantity, None, None)
+    targets = Targets(solution, measures)
     for target in out:
-        check_target(target, solution, SUFFIXES)
+        targets.check(target, SUFFIXES)
+    targets.check_json(json)
     check_packages({target.suffix.lower() for target in out})
     header = Header(title=title, project=project, client=client, author=author, date=date, notes=notes)
     with interrupts():

@@ -12,30 +12,19 @@ import isolux
 from isolux.cli import tables
 from isolux.cli.options import (
     ErrorOption,
-    GroundOption,
     Jobs,
     JsonTarget,
-    LampsOption,
-    LightOption,
-    LightUnitsOption,
     MemoryOption,
-    NorthOption,
     ProgressOption,
     QualityOption,
-    SkyIlluminanceOption,
-    SkyOption,
-    SunOption,
     TimeOption,
-    Units,
-    UpOption,
     asked_error,
     bytes_of,
-    check_target,
-    load_scene,
     seconds_of,
-    write_json,
 )
+from isolux.cli.reading import Reading, load_scene, reads_scene
 from isolux.cli.solving import ending, solved, tell_of
+from isolux.cli.targets import SCENES_AND_PICTURES, Targets, write_json
 from isolux.cli.terminal import interrupts, show
 from isolux.cli.view import live
 
@@ -46,7 +35,9 @@ _EPSILONS = "Schedule sequential, expert: epsilons"
 _METHOD = "Schedule sequential, expert: method"
 
 
+@reads_scene()
 def solve(
+    *,
     scene: Annotated[Path, typer.Argument(metavar="SCENE", help="glTF (.glb, .gltf) or OBJ.")],
     out: Annotated[
         Path, typer.Option("-o", "--output", metavar="FILE", help="The solution, e.g. room.isolux.")
@@ -62,16 +53,7 @@ def solve(
     ] = "wavefront",
     threads: Jobs = 0,
     seed: Annotated[int, typer.Option(metavar="N", help="Seed of every pseudo-random choice.")] = 0,
-    units: Units = None,
-    up: UpOption = "y",
-    light_units: LightUnitsOption = "spec",
-    lamps: LampsOption = None,
-    sun: SunOption = None,
-    north: NorthOption = 0.0,
-    sky: SkyOption = None,
-    sky_illuminance: SkyIlluminanceOption = None,
-    ground: GroundOption = None,
-    light: LightOption = "file",
+    reading: Reading,
     json: JsonTarget = None,
     progress: ProgressOption = "auto",
     view: Annotated[
@@ -235,21 +217,11 @@ def solve(
         "threads": threads,
     }
     settings = isolux.Settings(**fields)
-    check_target(out, scene, None, wrong=(".glb", ".gltf", ".obj", ".ply", ".vtu", ".png", ".exr"))
+    targets = Targets(scene)
+    targets.check(out, refused=SCENES_AND_PICTURES)
+    targets.check_json(json)
     with interrupts() as hand:
-        loaded = load_scene(
-            scene,
-            units,
-            light_units,
-            lamps,
-            sun=sun,
-            north=north,
-            sky=sky,
-            sky_illuminance=sky_illuminance,
-            ground=ground,
-            light=light,
-            up=up,
-        )
+        loaded = load_scene(scene, reading)
         tell_of(loaded)
         with live(browser=browser) if view else nullcontext() as watched:
             server = None if watched is None else watched.server

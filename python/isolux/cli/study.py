@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 import typer
 
 import isolux
-from isolux.cli.options import Jobs, JsonTarget, ProgressMode, ProgressOption, Units, load_scene, write_json
+from isolux.cli.options import Jobs, JsonTarget, ProgressMode, ProgressOption
 from isolux.cli.progress import showing
+from isolux.cli.reading import Reading, UnitsOption, load_scene
+from isolux.cli.targets import Targets, check_folder, write_json
 from isolux.cli.terminal import Interrupts, interrupts, say
 from isolux.study import plan as plans
 from isolux.study import report, size, sweep
@@ -72,7 +74,7 @@ def study(
         bool, typer.Option("--overwrite", help="Discard the runs of another study in the folder.")
     ] = False,
     threads: Jobs = 0,
-    units: Units = None,
+    units: UnitsOption = None,
     json: JsonTarget = None,
     progress: ProgressOption = "auto",
 ) -> int:
@@ -96,6 +98,7 @@ def study(
     if orders is not None and not 1 <= orders <= _MOST_ORDERS:
         raise typer.BadParameter(f"{orders} is not from 1 to {_MOST_ORDERS:,}", param_hint="--orders")
     machines = _machines(machine or [])
+    Targets(scene).check_json(json)
     with interrupts() as hand:
         loaded, is_room = _scene(scene, units)
         wish = Wish(
@@ -106,6 +109,7 @@ def study(
             figures=figures,
         )
         runs = plans.plan(wish)
+        check_folder(out)
         store = Store(
             out,
             version=isolux.__version__,
@@ -200,12 +204,12 @@ class _Study:
 def _scene(path: Path | None, units: str | None) -> tuple[Scene, bool]:
     """The scene, and whether it is the room that comes with the package, wherever it was read from."""
     with resources.as_file(resources.files("isolux.study") / "room.glb") as own:
-        room = load_scene(own, None)
+        room = load_scene(own, Reading())
     if path is None:
         if units is not None:
             raise typer.BadParameter("the room that comes with isolux has its own", param_hint="--units")
         return room, True
-    loaded = load_scene(path, units)
+    loaded = load_scene(path, Reading(units=units))
     return loaded, loaded.hash == room.hash
 
 

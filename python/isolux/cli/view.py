@@ -16,30 +16,20 @@ import isolux
 from isolux import _isolux
 from isolux.cli.options import (
     ErrorOption,
-    GroundOption,
     Jobs,
     JsonTarget,
-    LampsOption,
-    LightOption,
-    LightUnitsOption,
     MemoryOption,
-    NorthOption,
     ProgressOption,
     QualityOption,
-    SkyIlluminanceOption,
-    SkyOption,
-    SunOption,
     TimeOption,
-    Units,
-    UpOption,
     asked_error,
     bytes_of,
-    check_target,
-    load_scene,
     seconds_of,
-    write_json,
+    wrong,
 )
+from isolux.cli.reading import Reading, load_scene, reads_scene
 from isolux.cli.solving import ending, solved, tell_of
+from isolux.cli.targets import SCENES_AND_PICTURES, Targets, write_json
 from isolux.cli.terminal import interrupts, say
 from isolux.scene import OWN_SUFFIXES
 
@@ -60,7 +50,9 @@ _MAILED = 20_000_000
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 
 
+@reads_scene(light="auto")
 def view(
+    *,
     source: Annotated[
         Path,
         typer.Argument(
@@ -94,16 +86,7 @@ def view(
     error: ErrorOption = None,
     quality: QualityOption = None,
     threads: Jobs = 0,
-    units: Units = None,
-    up: UpOption = "y",
-    light_units: LightUnitsOption = "spec",
-    lamps: LampsOption = None,
-    sun: SunOption = None,
-    north: NorthOption = 0.0,
-    sky: SkyOption = None,
-    sky_illuminance: SkyIlluminanceOption = None,
-    ground: GroundOption = None,
-    light: LightOption = "auto",
+    reading: Reading,
     memory: MemoryOption = None,
     time: TimeOption = None,
     progress: ProgressOption = "auto",
@@ -128,29 +111,17 @@ def view(
         isolux view model.glb --quality preview --lamp 1500lm@0,2.4,0 --export model.html
     """
     if small and export is None:
-        raise typer.BadParameter("it is about a page that --export writes", param_hint="--small")
-    if export is not None:
-        check_target(export, source, (".html", ".htm"), option="--export")
+        raise wrong("--small", "it is about a page that --export writes")
+    targets = Targets(source)
+    targets.check(export, (".html", ".htm"), option="--export")
+    targets.check_json(json)
     if not _is_solution(source):
-        if out is not None:
-            check_target(out, source, None, wrong=(".glb", ".gltf", ".obj", ".ply", ".vtu", ".html", ".htm"))
+        targets.check(out, refused=SCENES_AND_PICTURES)
         settings = isolux.Settings(
             error=asked_error(error, quality), threads=threads, memory=bytes_of(memory), time=seconds_of(time)
         )
         with interrupts() as hand:
-            scene = load_scene(
-                source,
-                units,
-                light_units,
-                lamps,
-                sun=sun,
-                north=north,
-                sky=sky,
-                sky_illuminance=sky_illuminance,
-                ground=ground,
-                light=light,
-                up=up,
-            )
+            scene = load_scene(source, reading)
             tell_of(scene)
             if export is None:
                 return _watch(scene, settings, hand, out, browser=browser, progress=progress, json=json)
@@ -162,17 +133,13 @@ def view(
         "--output": out,
         "--error": error,
         "--quality": quality,
-        "--units": units,
-        "--up": None if up == "y" else up,
-        "--lamp": lamps,
-        "--sun": sun,
-        "--light": None if light == "auto" else light,
         "--memory": memory,
         "--time": time,
+        **dict.fromkeys(reading.given, True),
     }
     for option, value in given.items():
         if value is not None:
-            raise typer.BadParameter(f"{source} is solved already: a scene takes it", param_hint=option)
+            raise wrong(option, f"{source} is solved already: a scene takes it")
     with interrupts():
         solution = isolux.open(source)
         if export is not None:

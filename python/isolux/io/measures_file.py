@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import importlib
 import json
+import math
 from typing import TYPE_CHECKING, Any
 
 from isolux.exceptions import MeasureError
@@ -85,7 +86,7 @@ def read_points(path: Path, name: str, quantities: tuple[str, ...] = ("plane",))
             numbers = [float(cells[column]) for column in columns]
         except (ValueError, IndexError):
             numbers = []
-        if len(numbers) not in (3, 6):
+        if len(numbers) not in (3, 6) or not all(map(math.isfinite, numbers)):
             raise MeasureError(
                 f"{path}: line {number}: expected x,y,z or x,y,z,nx,ny,nz, found '{','.join(cells)}'"
             )
@@ -150,6 +151,8 @@ def _spec(path: Path, kind: str, number: int, table: Mapping[str, Any]) -> Spec:
             raise MeasureError(f"{where}: object is missing")
         return Surface(table["object"], name)
     if kind == "plane":
+        if ("over" in table) == ("corners" in table):
+            raise MeasureError(f"{where}: give over or corners, one of them")
         values = {
             key: table[key] for key in ("over", "corners", "height", "border", "spacing") if key in table
         }

@@ -86,7 +86,10 @@ def _facts(data: Data) -> list[tuple[str, str]]:
         ),
     ]
     facts += [
-        (key.replace("_", " "), f"{value:,}" if isinstance(value, int) else str(value))
+        (
+            key.replace("_", " "),
+            f"{value:.4g}" if isinstance(value, float) else f"{value:,}" if isinstance(value, int) else value,
+        )
         for key, value in problem.items()
         if isinstance(value, (int, str, float))
     ]
