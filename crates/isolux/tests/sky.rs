@@ -132,8 +132,8 @@ fn room(reflectance: f64, low: (f64, f64), high: (f64, f64)) -> SceneInput {
 const LOW: (f64, f64) = (1.1, 1.3);
 const HIGH: (f64, f64) = (2.2, 2.8);
 
-/// What comes through the opening of [`room`] to a place of a side: a sum over `count` squared parts of the opening. None that sees it
-/// is closer than 0.8 m: 40 squared parts are off by the square of 4 cm over that, a few thousandths.
+/// What comes through the opening of [`room`] to a place of a side: a sum over `count` squared parts of the opening.
+/// None that sees it is closer than 0.8 m: 40 squared parts are off by the square of 4 cm over that, a few thousandths.
 fn through_window(scene: &Scene, (place, normal): (DVec3, DVec3), count: u32) -> f64 {
     let sky = scene.sky.as_ref().unwrap();
     let ground = sky.ground_by_sky().mean();

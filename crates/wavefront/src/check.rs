@@ -541,20 +541,21 @@ fn errors_of<const C: usize>(
     (0..groups.len()).map(of).collect()
 }
 
-/// Standard error of the square of the error that chance in what batches find of the sky may bring, as a share of the square of
-/// the asked one. The mean of a product of two batches of variance v over n points is off by v / sqrt n, and by nothing else: a
-/// single point may be known far worse than what is asked.
+/// Standard error of the square of the error that chance in what batches find of the sky may bring, as a share of the
+/// square of the asked one. The mean of a product of two batches of variance v over n points is off by v / sqrt n, and
+/// by nothing else: a single point may be known far worse than what is asked.
 const OF_SKY: f64 = 0.05;
 
-/// Variance that chance may leave in what both batches together find of the sky at each of so many points, (W/m²)² or (lm/m²)².
-/// `scale`: irradiance that the error refers to.
+/// Variance that chance may leave in what both batches together find of the sky at each of so many points, (W/m²)² or
+/// (lm/m²)². `scale`: irradiance that the error refers to.
 fn enough_of_sky(error: f64, scale: f32, points: usize) -> f32 {
     let scale = f64::from(scale);
     // Either batch has half of the rays.
     (0.5 * OF_SKY * error * error * scale * scale * (points as f64).sqrt()) as f32
 }
 
-/// Both parts of the sky at a point, by either batch of rays. `enough`: variance that chance may leave in both together.
+/// Both parts of the sky at a point, by either batch of rays. `enough`: variance that chance may leave in both
+/// together.
 fn of_sky(place: Place, enough: f32, geometry: &Geometry, stream: &mut Stream) -> [Parts; 2] {
     if geometry.dome.is_none() {
         return [[0.0; 2]; 2];

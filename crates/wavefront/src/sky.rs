@@ -50,9 +50,9 @@ const DEEPEST: u32 = 12;
 const INTEGRAL: f32 = 1e-5;
 const MOST_CUTS: u32 = 4;
 
-/// How far within a cell it is asked on which side of the horizon its corners lie, as a share of its side: a horizon that runs
-/// along the side, as those of upright walls and of level ground do, cuts nothing off. What it may cut off unnoticed is a
-/// millionth of the cell.
+/// How far within a cell it is asked on which side of the horizon its corners lie, as a share of its side: a horizon
+/// that runs along the side, as those of upright walls and of level ground do, cuts nothing off. What it may cut off
+/// unnoticed is a millionth of the cell.
 const WITHIN: f32 = 1e-3;
 
 /// Most normals of which integrals of cells are kept, those with the most area: half a KiB each.
@@ -87,8 +87,9 @@ pub(crate) struct Dome {
     strength: [f32; 2],
     /// The ground's by lamp, and at last by the sky.
     ground: Vec<Bands>,
-    /// By the bits of a normal, what nothing hides of each of [`BASE`] by [`BASE`] cells: both parts, sr, in one word so that
-    /// they are there together; [`NOT_YET`] until somebody asks. They depend on the normal alone, so who asks changes nothing.
+    /// By the bits of a normal, what nothing hides of each of [`BASE`] by [`BASE`] cells: both parts, sr, in one word
+    /// so that they are there together; [`NOT_YET`] until somebody asks. They depend on the normal alone, so who asks
+    /// changes nothing.
     kept: BTreeMap<[u32; 3], Vec<AtomicU64>>,
 }
 
@@ -421,8 +422,8 @@ impl<'a> Lookout<'a> {
             }
         }
         if self.together && care.base * care.base + 4 <= care.most as u32 {
-            // Rays by which cells were chosen to stay as they are are no fair sample of them: of a narrow strip of light those that
-            // met none of it stayed, or those that met much. Other rays tell what cells have.
+            // Rays by which cells were chosen to stay as they are are no fair sample of them: of a narrow strip of
+            // light those that met none of it stayed, or those that met much. Other rays tell what cells have.
             for seen in seen.iter_mut().filter(|seen| !seen.is_cut) {
                 *seen = self.send(seen.cell, 1);
             }
@@ -645,8 +646,8 @@ pub(crate) fn unhindered(normal: DVec3, geometry: &Geometry) -> Bands {
     dome.light(sum)
 }
 
-/// The field of both parts on an element, and what is known of it. `chance`: mean square of what chance may leave, (W/m²)² or
-/// (lm/m²)².
+/// The field of both parts on an element, and what is known of it. `chance`: mean square of what chance may leave,
+/// (W/m²)² or (lm/m²)².
 fn asked(element: &Element, geometry: &Geometry, dome: &Dome, chance: f32) -> (Field<2>, Known) {
     let receiver = Receiver::Plane(geometry.surfaces[element.polygon as usize].normal.as_dvec3());
     let is_large = element.area > LARGE_FOR_SKY * geometry.scene.area() as f32;
@@ -809,8 +810,8 @@ mod tests {
     use isolux_core::units::Rgb;
     use std::sync::Arc;
 
-    /// A black floor of 4 x 4 m behind a wall at z = 4 with an opening of 2 x 1 m, 1 m above it; a black wall outdoors, 3 m from
-    /// it; a sky that is bright about a sun 60 degrees high.
+    /// A black floor of 4 x 4 m behind a wall at z = 4 with an opening of 2 x 1 m, 1 m above it; a black wall outdoors,
+    /// 3 m from it; a sky that is bright about a sun 60 degrees high.
     fn behind_a_mask() -> Arc<Scene> {
         let mut input = SceneInput { name: "mask".into(), metres_per_unit: 1.0, ..SceneInput::default() };
         input.objects.push(Object { name: "all".into() });
@@ -839,8 +840,8 @@ mod tests {
         Arc::new(Scene::build(input, &BuildOptions::default()).unwrap())
     }
 
-    /// Catches small leaves whose fields are mostly noise: where links are few, what each leaf may miss was all that limited it, and
-    /// fields below the opening were off by 30 % and more of the mean for an asked error of 5 %.
+    /// Catches small leaves whose fields are mostly noise: where links are few, what each leaf may miss was all that
+    /// limited it, and fields below the opening were off by 30 % and more of the mean for an asked error of 5 %.
     #[test]
     fn no_leaf_is_noisier_than_all_may_be() {
         let asked = 0.05;
@@ -874,13 +875,14 @@ mod tests {
         }
     }
 
-    /// Catches cells that are told by the rays by which they were chosen: a strip of ground below the mask, 7 cm high 4 m away, was
-    /// found 10 % too dark on average by as many rays, and 20 % too bright by a quarter of them.
+    /// Catches cells that are told by the rays by which they were chosen: a strip of ground below the mask, 7 cm high 4
+    /// m away, was found 10 % too dark on average by as many rays, and 20 % too bright by a quarter of them.
     #[test]
     fn a_narrow_strip_is_right_on_average() {
         let geometry = Geometry::new(behind_a_mask());
         let dome = geometry.dome.as_ref().unwrap();
-        // A place of the back wall sees through the opening, at z = 4, what passes below the mask's lower edge, at z = 7.
+        // A place of the back wall sees through the opening, at z = 4, what passes below the mask's lower edge, at z =
+        // 7.
         let (place, count) = (DVec3::new(2.0, 2.5, 0.0), 400);
         let high = place.y - place.y * 4.0 / 7.0;
         let mut sum = 0.0;
