@@ -6,6 +6,7 @@ import importlib
 import math
 import re
 import sys
+from collections import Counter
 from typing import Any
 
 import numpy as np
@@ -19,12 +20,14 @@ validation: Any = importlib.import_module("validation")
 
 #: Asked of every case here; the pages ask for a fifth of it.
 ERROR = 0.05
+#: Types of skies here, a partly cloudy and a clear one; the pages have all.
+SKIES = (8, 12)
 PAGES = ROOT / "docs" / "validation"
 
 
 @pytest.fixture(scope="module")
 def found() -> dict[str, Any]:
-    return {case.name: validation.measured(case, ERROR) for case in validation.CASES}
+    return {case.name: validation.measured(case, ERROR, SKIES) for case in validation.CASES}
 
 
 @pytest.mark.parametrize("name", [case.name for case in validation.CASES])
@@ -49,7 +52,12 @@ def test_the_page_has_the_cases_and_their_formulas(found):
     text = (PAGES / "results.md").read_text(encoding="utf-8")
     assert re.findall(r"Case `([\w.-]+)`", text) == [case.name for case in validation.CASES]
     rows = [row for case in validation.CASES for row in found[case.name].rows]
-    shown = re.findall(r"^\| (.+?) \| ([-\d.e]+) \| ([-\d.e]+) \| [^|]+ \| [^|]+ \|$", text, re.MULTILINE)
+    lines = re.findall(r"^\| (.+?) \| ([-\d.e]+) \| ([-\d.e]+) \| [^|]+ \| [^|]+ \|$", text, re.MULTILINE)
+    skies = [re.match(r"type (\d+),", quantity) for quantity, _, _ in lines]
+    counts = Counter(int(sky[1]) for sky in skies if sky)
+    assert set(counts) == set(validation.SKIES)
+    assert len(set(counts.values())) == 1
+    shown = [line for line, sky in zip(lines, skies, strict=True) if not sky or int(sky[1]) in SKIES]
     assert [(quantity, expected) for quantity, expected, _ in shown] == [
         (row.quantity, f"{row.expected:.6g}") for row in rows
     ]

@@ -133,6 +133,7 @@ const LOW: (f64, f64) = (1.1, 1.3);
 const HIGH: (f64, f64) = (2.2, 2.8);
 
 /// What comes through the opening of [`room`] to a place of a side: a sum over `count` squared parts of the opening.
+/// None that sees it is closer than 0.8 m: 40 squared parts are off by the square of 4 cm over that, a few thousandths.
 fn through_window(scene: &Scene, (place, normal): (DVec3, DVec3), count: u32) -> f64 {
     let sky = scene.sky.as_ref().unwrap();
     let ground = sky.ground_by_sky().mean();
@@ -169,7 +170,7 @@ fn an_error_is_no_smaller_than_it_says() {
         let solution = solved(&scene, &asked(error));
         assert_eq!(solution.report().status, Status::Converged);
         let at = points(&scene, 3000, 3);
-        let wanted: Vec<f64> = places(&scene, &at).into_iter().map(|at| through_window(&scene, at, 120)).collect();
+        let wanted: Vec<f64> = places(&scene, &at).into_iter().map(|at| through_window(&scene, at, 40)).collect();
         let off = difference(&wanted, &irradiances(&solution, &at));
         let claimed = claimed(&solution);
         assert!(off <= 1.1 * claimed && claimed <= error, "type {number}: {off} {claimed}");

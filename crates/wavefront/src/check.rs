@@ -278,6 +278,7 @@ pub(crate) fn check(transport: &Transport, light: &Light, error: f64, seed: u64,
     let rays = Rays::new(error);
     let emitters = Emitters::new(geometry, elements, |_| true);
     let count = points.unwrap_or_else(|| points_of(elements.len()));
+    let enough = enough_of_sky(error, light.scale, count);
     let points: Vec<Point> = at_points(transport, seed ^ 0x636865636b, count, |place, stream| {
         let Place { polygon, point } = place;
         let solved = crate::read::field_at(geometry, elements, light, polygon, point);
@@ -290,7 +291,7 @@ pub(crate) fn check(transport: &Transport, light: &Light, error: f64, seed: u64,
             sum
         };
         let (lit, known) = of_lamps(place, transport, light);
-        let sky = of_sky(place, error, light.scale, geometry, stream);
+        let sky = of_sky(place, enough, geometry, stream);
         let found = [gather(stream), gather(stream)];
         let found = [0, 1].map(|batch: usize| {
             let sky = geometry.dome.as_ref().map_or([0.0; 3], |dome| dome.light(sky[batch]));
@@ -438,6 +439,10 @@ pub(crate) fn check_groups(
         std::array::from_fn(|band| (0..5).map(|k| shares[k] * field[k][band]).sum())
     };
     let means: Vec<f32> = columns.iter().map(|column| mean_of(column, elements)).collect();
+    let count = points_of(elements.len());
+    // What is left where all else is dimmed. The sky comes after all lamps.
+    let own = group_of.last().and_then(|&group| means.get(group as usize)).copied().unwrap_or(0.0);
+    let enough = enough_of_sky(error, if own > 0.0 { own } else { means.iter().sum() }, count);
     let look = |place: Place, stream: &mut Stream| {
         if control.is_stopped() {
             return None;
@@ -458,7 +463,7 @@ pub(crate) fn check_groups(
             at_place(place.point, place.polygon, geometry, |lamp| of_lamps.get(lamp) == Some(&(group as u32)))
         };
         let lit: Vec<Bands> = (0..columns.len()).map(lit).collect();
-        let sky = of_sky(place, error, rms(std::array::from_fn(|_| means.iter().sum())), geometry, stream);
+        let sky = of_sky(place, enough, geometry, stream);
         let by_sky = |group: usize, batch: usize| -> Bands {
             let Some(dome) = &geometry.dome else { return [0.0; 3] };
             let own = of_lamps.iter().enumerate().filter(|(_, of)| **of as usize == group);
@@ -502,7 +507,7 @@ pub(crate) fn check_groups(
         let lacks = [gather(stream, 0), gather(stream, 1)];
         Some(GroupPoint { place, solved, lacks })
     };
-    let points = at_points(transport, seed ^ 0x67726f757073, points_of(elements.len()), look);
+    let points = at_points(transport, seed ^ 0x67726f757073, count, look);
     let places: Vec<Place> = points.iter().map(|point| point.place).collect();
     let mut found = PointErrors::default();
     for first in (0..columns.len()).step_by(SIDE_BY_SIDE) {
@@ -549,19 +554,27 @@ fn errors_of<const C: usize>(
     (0..groups.len()).map(of).collect()
 }
 
-/// Share of the asked error of the mean irradiance that chance may leave in what either batch finds of the sky at a point: squares
-/// of it fall by the number of points on top.
-const OF_SKY: f32 = 0.5;
+/// Standard error of the square of the error that chance in what batches find of the sky may bring, as a share of the
+/// square of the asked one. The mean of a product of two batches of variance v over n points is off by v / sqrt n, and
+/// by nothing else: a single point may be known far worse than what is asked.
+const OF_SKY: f64 = 0.05;
 
-/// Both parts of the sky at a point, by either batch of rays. `scale`: irradiance that the error refers to.
-fn of_sky(place: Place, error: f64, scale: f32, geometry: &Geometry, stream: &mut Stream) -> [Parts; 2] {
+/// Variance that chance may leave in what both batches together find of the sky at each of so many points, (W/m²)² or
+/// (lm/m²)². `scale`: irradiance that the error refers to.
+fn enough_of_sky(error: f64, scale: f32, points: usize) -> f32 {
+    let scale = f64::from(scale);
+    // Either batch has half of the rays.
+    (0.5 * OF_SKY * error * error * scale * scale * (points as f64).sqrt()) as f32
+}
+
+/// Both parts of the sky at a point, by either batch of rays. `enough`: variance that chance may leave in both
+/// together.
+fn of_sky(place: Place, enough: f32, geometry: &Geometry, stream: &mut Stream) -> [Parts; 2] {
     if geometry.dome.is_none() {
         return [[0.0; 2]; 2];
     }
     let receiver = Receiver::Plane(geometry.surfaces[place.polygon as usize].normal.as_dvec3());
-    let apart = OF_SKY * error as f32 * scale;
-    // Either batch has half of the rays.
-    at_point(place.point, &receiver, geometry, stream.next_bits(), Care::until(0.5 * apart * apart))
+    at_point(place.point, &receiver, geometry, stream.next_bits(), Care::until(enough))
 }
 
 /// What lamps throw on a point, by shadow rays, and the square of what its leaf knows to miss of it. Where that explains what

@@ -186,6 +186,8 @@ pub(crate) struct Light<const C: usize = 3> {
     pub(crate) floor: f32,
     /// Mean irradiance that weights refer to.
     pub(crate) scale: f32,
+    /// Mean square of what is permitted over all surfaces, (W/m²)² or (lm/m²)²: the asked error of the mean irradiance.
+    pub(crate) permitted: f32,
 }
 
 impl Light {
@@ -303,6 +305,7 @@ impl<const C: usize> Light<C> {
             cluster_irradiance: vec![0.0; count],
             floor: f32::INFINITY,
             scale: 0.0,
+            permitted: f32::INFINITY,
         }
     }
 

@@ -22,8 +22,9 @@ use isolux_core::scene::Scene;
 use rayon::prelude::*;
 use std::array::from_fn;
 use std::cmp::Ordering;
-use std::collections::BinaryHeap;
+use std::collections::{BTreeMap, BinaryHeap};
 use std::f32::consts::PI;
+use std::sync::atomic::{AtomicU64, Ordering as Memory};
 
 /// What a place has of the sky and of the ground: integrals over directions of the sky's pattern, and of 1, times what gets
 /// through and what the receiver counts; sr.
@@ -48,6 +49,14 @@ const DEEPEST: u32 = 12;
 /// Error of a cell's integral up to which it is not cut for it, as a share of what all of the sky throws; most cuts.
 const INTEGRAL: f32 = 1e-5;
 const MOST_CUTS: u32 = 4;
+
+/// How far within a cell it is asked on which side of the horizon its corners lie, as a share of its side: a horizon
+/// that runs along the side, as those of upright walls and of level ground do, cuts nothing off. What it may cut off
+/// unnoticed is a millionth of the cell.
+const WITHIN: f32 = 1e-3;
+
+/// Most normals of which integrals of cells are kept, those with the most area: half a KiB each.
+const MOST_NORMALS: usize = 4096;
 
 /// Places of a leaf that is larger than this share of the scene, over those of others: a bright patch below a small window.
 const MORE_PLACES: f32 = 4.0;
@@ -78,7 +87,14 @@ pub(crate) struct Dome {
     strength: [f32; 2],
     /// The ground's by lamp, and at last by the sky.
     ground: Vec<Bands>,
+    /// By the bits of a normal, what nothing hides of each of [`BASE`] by [`BASE`] cells: both parts, sr, in one word
+    /// so that they are there together; [`NOT_YET`] until somebody asks. They depend on the normal alone, so who asks
+    /// changes nothing.
+    kept: BTreeMap<[u32; 3], Vec<AtomicU64>>,
 }
+
+/// Bits of two numbers that are none.
+const NOT_YET: u64 = u64::MAX;
 
 /// What a leaf knows of its sky.
 #[derive(Clone, Copy, Debug, Default)]
@@ -128,6 +144,7 @@ impl Dome {
             radiance,
             strength: radiance.map(rms),
             ground: by_lamps.chain([bands(sky.ground_by_sky())]).collect(),
+            kept: kept(scene),
         })
     }
 
@@ -163,6 +180,23 @@ impl Dome {
     fn one(&self, parts: Parts) -> f32 {
         self.strength[SKY] * parts[SKY] + self.strength[GROUND] * parts[GROUND]
     }
+}
+
+/// Places for the integrals of cells, by normal.
+fn kept(scene: &Scene) -> BTreeMap<[u32; 3], Vec<AtomicU64>> {
+    let mut areas = BTreeMap::<[u32; 3], f64>::new();
+    for polygon in &scene.polygons {
+        *areas.entry(bits(polygon.plane.normal.as_vec3())).or_default() += polygon.area;
+    }
+    let mut by_area: Vec<([u32; 3], f64)> = areas.into_iter().collect();
+    by_area.sort_by(|(_, one), (_, other)| other.total_cmp(one));
+    let cells = || (0..BASE * BASE).map(|_| AtomicU64::new(NOT_YET)).collect();
+    by_area.into_iter().take(MOST_NORMALS).map(|(normal, _)| (normal, cells())).collect()
+}
+
+/// Signs of zeros included: axes across the normal may depend on them.
+fn bits(normal: Vec3) -> [u32; 3] {
+    normal.to_array().map(f32::to_bits)
 }
 
 /// An entry of a table over [0, 1].
@@ -243,6 +277,8 @@ struct Seen {
     /// The square of all that it may throw.
     square: f32,
     sight: Sight,
+    /// Do its quarters stand for it?
+    is_cut: bool,
 }
 
 /// What all rays of a cell say.
@@ -258,7 +294,7 @@ enum Sight {
 
 impl Seen {
     fn dark(cell: Cell) -> Seen {
-        Seen { cell, found: [[[0.0; 2]; RAYS]; 2], chance: 0.0, square: 0.0, sight: Sight::Dark }
+        Seen { cell, found: [[[0.0; 2]; RAYS]; 2], chance: 0.0, square: 0.0, sight: Sight::Dark, is_cut: false }
     }
 
     /// Rays that agree are not to be trusted where those beside them say something else.
@@ -288,11 +324,11 @@ impl Care {
         Care { base: BASE, most: MOST_CELLS, enough }
     }
 
-    /// By about so many rays, fewer where that leaves a variance of `enough`.
+    /// By about so many rays, fewer where that leaves a variance of `enough`. Half of them choose the cells.
     pub(crate) fn by_rays(rays: usize, enough: f32) -> Care {
         let cells = rays.div_ceil(2 * RAYS);
         let base = (0.5 * cells as f64).sqrt().ceil().max(2.0) as u32;
-        Care { base: base.min(BASE), most: cells, enough }
+        Care { base: base.min(BASE), most: cells / 2, enough }
     }
 }
 
@@ -304,6 +340,8 @@ struct Lookout<'a> {
     receiver: &'a Receiver,
     map: Map,
     dome: &'a Dome,
+    /// Of the receiver's normal, where they are kept.
+    kept: Option<&'a [AtomicU64]>,
     geometry: &'a Geometry,
     name: u64,
 }
@@ -331,7 +369,22 @@ impl PartialEq for Worst {
 
 impl Eq for Worst {}
 
-impl Lookout<'_> {
+impl<'a> Lookout<'a> {
+    fn new(
+        places: &'a [Vec3],
+        together: bool,
+        receiver: &'a Receiver,
+        geometry: &'a Geometry,
+        dome: &'a Dome,
+        name: u64,
+    ) -> Lookout<'a> {
+        let kept = match receiver {
+            Receiver::Plane(normal) => dome.kept.get(&bits(normal.as_vec3())).map(Vec::as_slice),
+            Receiver::Cylinder(_) | Receiver::SemiCylinder { .. } => None,
+        };
+        Lookout { places, together, receiver, map: Map::new(receiver, dome), dome, kept, geometry, name }
+    }
+
     /// Both parts at every place, or by every sixteenth of one, by batch.
     fn look(&self, care: Care) -> Batches {
         let mut seen: Vec<Seen> = Vec::with_capacity(4 * (care.base * care.base) as usize);
@@ -340,7 +393,7 @@ impl Lookout<'_> {
         let base = care.base as usize;
         seen.extend((0..base * base).map(|at| {
             let (x, y) = ((at % base) as u32, (at / base) as u32);
-            self.send(Cell { x, y, side: care.base })
+            self.send(Cell { x, y, side: care.base }, 0)
         }));
         let sights: Vec<Sight> = seen.iter().map(|seen| seen.sight).collect();
         for (at, seen) in seen.iter_mut().enumerate() {
@@ -358,14 +411,21 @@ impl Lookout<'_> {
             }
             chance -= own;
             // What its quarters tell stands for what it told.
-            seen[index].found = [[[0.0; 2]; RAYS]; 2];
-            let mut quarters = cell.quarters().map(|quarter| self.send(quarter));
+            seen[index] = Seen { is_cut: true, ..Seen::dark(cell) };
+            let mut quarters = cell.quarters().map(|quarter| self.send(quarter, 0));
             let sights = quarters.each_ref().map(|quarter| quarter.sight);
             for quarter in &mut quarters {
                 quarter.doubt(sights.into_iter());
                 chance += quarter.chance;
                 worst.extend((quarter.chance > 0.0).then_some(Worst(quarter.chance, seen.len())));
                 seen.push(std::mem::replace(quarter, Seen::dark(cell)));
+            }
+        }
+        if self.together && care.base * care.base + 4 <= care.most as u32 {
+            // Rays by which cells were chosen to stay as they are are no fair sample of them: of a narrow strip of
+            // light those that met none of it stayed, or those that met much. Other rays tell what cells have.
+            for seen in seen.iter_mut().filter(|seen| !seen.is_cut) {
+                *seen = self.send(seen.cell, 1);
             }
         }
         let mut sum = [[[0.0; 2]; RAYS]; 2];
@@ -378,6 +438,22 @@ impl Lookout<'_> {
     }
 
     /// Both parts' integrals over a cell, sr.
+    fn all_of(&self, cell: Cell) -> Parts {
+        let size = 1.0 / cell.side as f32;
+        let compute = || self.whole(cell.x as f32 * size, cell.y as f32 * size, size, MOST_CUTS);
+        let Some(kept) = self.kept.filter(|_| cell.side == BASE) else { return compute() };
+        let word = &kept[(cell.y * BASE + cell.x) as usize];
+        // Whoever is there first or second writes the same.
+        let known = word.load(Memory::Relaxed);
+        if known != NOT_YET {
+            return [(known >> 32) as u32, known as u32].map(f32::from_bits);
+        }
+        let whole = compute();
+        word.store(u64::from(whole[SKY].to_bits()) << 32 | u64::from(whole[GROUND].to_bits()), Memory::Relaxed);
+        whole
+    }
+
+    /// [`Lookout::all_of`] for a part of the unit square.
     fn whole(&self, x: f32, y: f32, size: f32, cuts: u32) -> Parts {
         let sum = |strata: u32| -> Parts {
             let step = size / strata as f32;
@@ -395,7 +471,7 @@ impl Lookout<'_> {
         let apart: f32 = (0..2).map(|part| self.dome.strength[part] * (fine[part] - rough[part]).abs()).sum();
         let most = PI * (self.dome.strength[SKY] + self.dome.strength[GROUND]);
         // Across the horizon both may be wrong alike, and all in the same sense where it only clips corners.
-        let along = [0.0, 0.5, 1.0];
+        let along = [WITHIN, 0.5, 1.0 - WITHIN];
         let mut parts =
             along.iter().flat_map(|a| along.map(|b| self.dome.at(self.map.at(x + size * a, y + size * b)).0));
         let is_cut = if fine[SKY] > 0.0 {
@@ -415,15 +491,11 @@ impl Lookout<'_> {
         sum
     }
 
-    /// Sends both batches of rays to a cell.
-    fn send(&self, cell: Cell) -> Seen {
+    /// Sends both batches of rays to a cell, for the first time or the second.
+    fn send(&self, cell: Cell, time: u64) -> Seen {
         let size = 1.0 / cell.side as f32;
         let corner = [cell.x, cell.y].map(|at| at as f32 * size);
-        let whole = self.whole(corner[0], corner[1], size, MOST_CUTS);
         let mut seen = Seen::dark(cell);
-        if self.dome.one(whole) <= 0.0 {
-            return seen;
-        }
         let count = self.places.len();
         let solid = PI * size * size;
         // Part of every ray, what it carries, and what gets through.
@@ -431,7 +503,7 @@ impl Lookout<'_> {
         let mut through = [[0.0; RAYS]; 2];
         let mut open = [0.0; 2];
         for batch in 0..2 {
-            let mut jitter = Jitter::new(self.name, cell.name(), batch as u64);
+            let mut jitter = Jitter::new(self.name, cell.name(), batch as u64 + 2 * time);
             let mut packet = Packet::new();
             let mut four = [0.0; 4];
             for k in 0..count {
@@ -457,7 +529,10 @@ impl Lookout<'_> {
             let sent = (0..count).filter(|k| active >> k & 1 == 1);
             open[batch] = sent.map(|k| through[batch][k]).sum::<f32>() / active.count_ones() as f32;
         }
-        for batch in 0..2 {
+        // Where nothing passes, about what might is enough.
+        let passes = open[0] > 0.0 || open[1] > 0.0;
+        let whole = if passes { self.all_of(cell) } else { mean_of(&carried, 2 * count) };
+        for batch in 0..if passes { 2 } else { 0 } {
             // What would be if the cell were as open as the other batch says, and what this one says beyond that.
             let known = open[1 - batch];
             for k in 0..count {
@@ -522,12 +597,20 @@ impl Lookout<'_> {
     }
 }
 
+/// Both parts of what so many rays of a cell carry, on average, sr.
+fn mean_of(carried: &[[(usize, f32); RAYS]; 2], rays: usize) -> Parts {
+    let mut mean = [0.0; 2];
+    for &(part, value) in carried.as_flattened() {
+        mean[part] += value / rays.max(1) as f32;
+    }
+    mean
+}
+
 /// Both parts at one place, by both batches; nothing where there is no sky.
 pub(crate) fn at_point(place: Vec3, receiver: &Receiver, geometry: &Geometry, name: u64, care: Care) -> [Parts; 2] {
     let Some(dome) = &geometry.dome else { return [[0.0; 2]; 2] };
     let places = [place; RAYS];
-    let map = Map::new(receiver, dome);
-    let found = Lookout { places: &places, together: true, receiver, map, dome, geometry, name }.look(care);
+    let found = Lookout::new(&places, true, receiver, geometry, dome, name).look(care);
     found.map(|rays| from_fn(|part| rays.iter().map(|ray| ray[part]).sum::<f32>() / RAYS as f32))
 }
 
@@ -544,8 +627,8 @@ pub(crate) fn reach(root: &Element, geometry: &Geometry) -> bool {
     let receiver = Receiver::Plane(geometry.surfaces[root.polygon as usize].normal.as_dvec3());
     net_of(MORE_PLACES * RAYS as f32).chunks(RAYS).enumerate().any(|(chunk, places)| {
         let places: [Vec3; RAYS] = from_fn(|k| spread_out(root, places[k]).0);
-        let (map, name) = (Map::new(&receiver, dome), mix(u64::from(root.polygon)) ^ chunk as u64);
-        let lookout = Lookout { places: &places, together: false, receiver: &receiver, map, dome, geometry, name };
+        let name = mix(u64::from(root.polygon)) ^ chunk as u64;
+        let lookout = Lookout::new(&places, false, &receiver, geometry, dome, name);
         lookout.look(Care::until(f32::INFINITY)).as_flattened().iter().any(|&parts| dome.one(parts) > 0.0)
     })
 }
@@ -554,21 +637,18 @@ pub(crate) fn reach(root: &Element, geometry: &Geometry) -> bool {
 pub(crate) fn unhindered(normal: DVec3, geometry: &Geometry) -> Bands {
     let Some(dome) = &geometry.dome else { return [0.0; 3] };
     let receiver = &Receiver::Plane(normal);
-    let map = Map::new(receiver, dome);
-    let lookout = Lookout { places: &[], together: false, receiver, map, dome, geometry, name: 0 };
+    let lookout = Lookout::new(&[], false, receiver, geometry, dome, 0);
     let mut sum = [0.0; 2];
-    let size = 1.0 / BASE as f32;
     for cell in 0..BASE * BASE {
-        let corner = [cell % BASE, cell / BASE].map(|at| at as f32 * size);
-        let whole = lookout.whole(corner[0], corner[1], size, MOST_CUTS);
+        let whole = lookout.all_of(Cell { x: cell % BASE, y: cell / BASE, side: BASE });
         (0..2).for_each(|part| sum[part] += whole[part]);
     }
     dome.light(sum)
 }
 
-/// The field of both parts on an element, and what is known of it. `error`: area times squared error that chance may leave, m²
-/// (W/m²)².
-fn asked(element: &Element, geometry: &Geometry, dome: &Dome, error: f32) -> (Field<2>, Known) {
+/// The field of both parts on an element, and what is known of it. `chance`: mean square of what chance may leave,
+/// (W/m²)² or (lm/m²)².
+fn asked(element: &Element, geometry: &Geometry, dome: &Dome, chance: f32) -> (Field<2>, Known) {
     let receiver = Receiver::Plane(geometry.surfaces[element.polygon as usize].normal.as_dvec3());
     let is_large = element.area > LARGE_FOR_SKY * geometry.scene.area() as f32;
     let spread: Vec<(Vec3, [f32; 2])> = if element.crossed && !is_large {
@@ -584,14 +664,13 @@ fn asked(element: &Element, geometry: &Geometry, dome: &Dome, error: f32) -> (Fi
     let functions = if element.count == 4 { 5.0 } else { 4.0 };
     let count = spread.len() as f32;
     // A field of so many functions has that share of what chance does at its places.
-    let care = Care::until(error / element.area * count / functions);
+    let care = Care::until(chance * count / functions);
     let mut found = Places::<4> { count: element.count, basis: Vec::new(), values: Vec::new() };
     for (chunk, spread) in spread.chunks(RAYS).enumerate() {
         let mut places = [Vec3::ZERO; RAYS];
         spread.iter().zip(&mut places).for_each(|(&(at, _), place)| *place = at);
-        let (map, name) = (Map::new(&receiver, dome), mix(element.path.to_bits()) ^ chunk as u64);
-        let places = &places[..spread.len()];
-        let lookout = Lookout { places, together: false, receiver: &receiver, map, dome, geometry, name };
+        let name = mix(element.path.to_bits()) ^ chunk as u64;
+        let lookout = Lookout::new(&places[..spread.len()], false, &receiver, geometry, dome, name);
         let [one, other] = lookout.look(care);
         for (k, &(_, coordinates)) in spread.iter().enumerate() {
             found.basis.push(basis(element.count, coordinates));
@@ -673,8 +752,10 @@ impl Transport {
                 return is_new.then_some(([[0.0; 2]; 5], Known { own: true, ..Known::default() }));
             }
             let weighted = now.weighted_area(leaf as u32, &evaluator);
-            let is_enough =
-                |missed: f32, noise: f32| weighted * missed <= error && weighted * noise <= TOO_NOISY * NOISE * error;
+            // What is left to each leaf alike, a small one might be off by many times what all are off by on average.
+            let own = if weighted > 0.0 { error / weighted } else { f32::INFINITY };
+            let chance = NOISE * own.min(now.permitted);
+            let is_enough = |missed: f32, noise: f32| weighted * missed <= error && noise <= TOO_NOISY * chance;
             if known.missed.is_nan() {
                 let parent = now.sky_known.get(element.parent as usize);
                 // All that the parent misses may be in one of its quarters.
@@ -684,9 +765,7 @@ impl Transport {
             } else if is_enough(if known.own { 0.0 } else { known.may_miss() }, known.noise) {
                 return None;
             }
-            // Weights are on areas.
-            let share = if weighted > 0.0 { element.area / weighted } else { 1.0 };
-            Some(asked(element, &self.geometry, dome, NOISE * error * share))
+            Some(asked(element, &self.geometry, dome, chance))
         };
         let found: Vec<Option<(Field<2>, Known)>> =
             (0..now.sky.len()).into_par_iter().with_min_len(8).map(next).collect();
@@ -718,5 +797,119 @@ impl Light {
     /// Mean square of what a leaf's field of the sky's light is off by, chance included.
     pub(crate) fn sky_error(&self, leaf: usize) -> f32 {
         self.sky_known.get(leaf).map_or(0.0, |known| known.misses() + known.noise.max(0.0))
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use super::*;
+    use crate::control::Control;
+    use crate::solve::{Prepared, Request};
+    use isolux_core::scene::{Alpha, BuildOptions, Face, Material, Object, SceneInput, Sky, SkyPattern, Surface};
+    use isolux_core::units::Rgb;
+    use std::sync::Arc;
+
+    /// A black floor of 4 x 4 m behind a wall at z = 4 with an opening of 2 x 1 m, 1 m above it; a black wall outdoors,
+    /// 3 m from it; a sky that is bright about a sun 60 degrees high.
+    fn behind_a_mask() -> Arc<Scene> {
+        let mut input = SceneInput { name: "mask".into(), metres_per_unit: 1.0, ..SceneInput::default() };
+        input.objects.push(Object { name: "all".into() });
+        let surface = Surface { reflectance: Rgb::ZERO, emission: Rgb::ZERO, opacity: 1.0 };
+        let (two_sided, alpha, texture) = (false, Alpha::Opaque, None);
+        input.materials.push(Material { name: "black".into(), surface, two_sided, alpha, texture });
+        let faces = [
+            [[0.0, 0.0, 0.0], [0.0, 0.0, 4.0], [4.0, 0.0, 4.0], [4.0, 0.0, 0.0]],
+            [[0.0, 0.0, 4.0], [0.0, 1.0, 4.0], [4.0, 1.0, 4.0], [4.0, 0.0, 4.0]],
+            [[0.0, 2.0, 4.0], [0.0, 3.0, 4.0], [4.0, 3.0, 4.0], [4.0, 2.0, 4.0]],
+            [[0.0, 1.0, 4.0], [0.0, 2.0, 4.0], [1.0, 2.0, 4.0], [1.0, 1.0, 4.0]],
+            [[3.0, 1.0, 4.0], [3.0, 2.0, 4.0], [4.0, 2.0, 4.0], [4.0, 1.0, 4.0]],
+            [[0.0, 3.0, 0.0], [4.0, 3.0, 0.0], [4.0, 3.0, 4.0], [0.0, 3.0, 4.0]],
+            [[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [4.0, 3.0, 0.0], [0.0, 3.0, 0.0]],
+            [[0.0, 0.0, 0.0], [0.0, 3.0, 0.0], [0.0, 3.0, 4.0], [0.0, 0.0, 4.0]],
+            [[4.0, 0.0, 0.0], [4.0, 0.0, 4.0], [4.0, 3.0, 4.0], [4.0, 3.0, 0.0]],
+            [[-1.0, 0.0, 7.0], [-1.0, 3.0, 7.0], [5.0, 3.0, 7.0], [5.0, 0.0, 7.0]],
+        ];
+        for corners in faces {
+            let corners = corners.map(DVec3::from).to_vec();
+            input.faces.push(Face { object: 0, material: 0, corners, uv: None, surface: None });
+        }
+        let sun = DVec3::new(0.125_f64.sqrt(), 0.75_f64.sqrt(), 0.125_f64.sqrt());
+        let sky = Sky::by_horizontal(SkyPattern::cie(8).unwrap(), sun, Rgb::splat(100.0), Rgb::splat(0.3));
+        input.sky = Some(sky);
+        Arc::new(Scene::build(input, &BuildOptions::default()).unwrap())
+    }
+
+    /// Catches small leaves whose fields are mostly noise: where links are few, what each leaf may miss was all that
+    /// limited it, and fields below the opening were off by 30 % and more of the mean for an asked error of 5 %.
+    #[test]
+    fn no_leaf_is_noisier_than_all_may_be() {
+        let asked = 0.05;
+        let solved = Prepared::new(behind_a_mask()).solve(&Request::new(asked), &Control::default());
+        let light = &solved.light;
+        let most = TOO_NOISY * NOISE * (asked as f32 * light.scale).powi(2);
+        let own: Vec<f32> = light.sky_known.iter().filter(|known| known.own).map(|known| known.noise).collect();
+        assert!(own.iter().filter(|noise| **noise > 0.0).count() > 20, "{own:?}");
+        // The scale that leaves were asked by is that of a stage before: 10 % of it at most.
+        assert!(own.iter().all(|noise| *noise < 1.2 * most), "{most}: {own:?}");
+    }
+
+    /// Catches integrals that are kept for another cell or normal than theirs.
+    #[test]
+    fn what_is_kept_is_what_was_computed() {
+        let geometry = Geometry::new(behind_a_mask());
+        let dome = geometry.dome.as_ref().unwrap();
+        for surface in &geometry.surfaces {
+            let receiver = Receiver::Plane(surface.normal.as_dvec3());
+            let lookout = Lookout::new(&[], false, &receiver, &geometry, dome, 0);
+            assert!(lookout.kept.is_some());
+            let cells = (0..BASE * BASE).map(|at| Cell { x: at % BASE, y: at / BASE, side: BASE });
+            let first: Vec<Parts> = cells.clone().map(|cell| lookout.all_of(cell)).collect();
+            for (cell, first) in cells.zip(first) {
+                assert_eq!(lookout.all_of(cell), first);
+                assert_eq!(
+                    Lookout { kept: None, ..Lookout::new(&[], false, &receiver, &geometry, dome, 0) }.all_of(cell),
+                    first
+                );
+            }
+        }
+    }
+
+    /// Catches cells that are told by the rays by which they were chosen: a strip of ground below the mask, 7 cm high 4
+    /// m away, was found 10 % too dark on average by as many rays, and 20 % too bright by a quarter of them.
+    #[test]
+    fn a_narrow_strip_is_right_on_average() {
+        let geometry = Geometry::new(behind_a_mask());
+        let dome = geometry.dome.as_ref().unwrap();
+        // A place of the back wall sees through the opening, at z = 4, what passes below the mask's lower edge, at z =
+        // 7.
+        let (place, count) = (DVec3::new(2.0, 2.5, 0.0), 400);
+        let high = place.y - place.y * 4.0 / 7.0;
+        let mut sum = 0.0;
+        for row in 0..count {
+            for column in 0..count {
+                let at =
+                    |from: f64, to: f64, index: u32| from + (to - from) * (f64::from(index) + 0.5) / f64::from(count);
+                let towards = DVec3::new(at(1.0, 3.0, column), at(1.0, high, row), 4.0) - place;
+                // Cosines at both ends over the squared distance; the ground has 0.3 of the level's 100.
+                sum += 0.3 * 100.0 / std::f64::consts::PI * (towards.z / towards.length_squared()).powi(2);
+            }
+        }
+        let exact = sum * 2.0 * (high - 1.0) / f64::from(count * count);
+        for rays in [2048, 8192] {
+            let at = (place + DVec3::Z * 1e-4 - geometry.middle).as_vec3();
+            let receiver = Receiver::Plane(DVec3::Z);
+            let (names, mut sums) = (400, [0.0; 2]);
+            for name in 0..names {
+                let [one, other] = at_point(at, &receiver, &geometry, mix(name), Care::by_rays(rays, 0.0));
+                let found = f64::from(dome.light(from_fn(|part| 0.5 * (one[part] + other[part])))[0]);
+                sums = [sums[0] + found, sums[1] + found * found];
+            }
+            let [mean, square] = sums.map(|sum| sum / names as f64);
+            let chance = ((square - mean * mean) / names as f64).sqrt();
+            // Measured a standard error of 3 % and of 1 %.
+            assert!(chance < 0.05 * exact, "{rays}: {chance} {exact}");
+            assert!((mean - exact).abs() < 4.0 * chance, "{rays}: {mean} {exact} {chance}");
+        }
     }
 }

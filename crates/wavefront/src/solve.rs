@@ -249,6 +249,7 @@ impl Prepared {
             control.begin_stage();
             let limit =
                 Limit { error: (share * level * level * area) as f32, area: (request.least_area * area) as f32 };
+            light.permitted = (request.error * level).powi(2) as f32;
             let begun = Instant::now();
             let before = transport.elements.len();
             let traced = transport.evaluated + transport.packets;
