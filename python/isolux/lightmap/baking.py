@@ -44,6 +44,8 @@ LARGEST = 4096
 MOST_SIDE = 8192
 #: Most maps: what is asked for was a slip of the finger above.
 MOST_MAPS = 64
+#: Most texels of all maps: as many as four of the largest have.
+MOST_TEXELS = 2**28
 #: Texels around each chart.
 PADDING = 2
 #: What a white surface shows at most in the 16-bit picture, where 1 is white on a screen: two stops of
@@ -287,6 +289,11 @@ def _laid_out(
         for name, got in coarse.items()
     ]
     used = sorted({place[0] for place in places})
+    if len(used) * side**2 > MOST_TEXELS:
+        raise UsageError(
+            f"{len(used)} maps of {side} texels squared are more than {MOST_TEXELS:,} texels: ask for fewer per "
+            "metre"
+        )
     number = {atlas: row for row, atlas in enumerate(used)}
     inner = [(number[atlas], left + padding, top + padding) for atlas, left, top in places]
     if len(used) > 1:
