@@ -291,8 +291,8 @@ def _laid_out(
     used = sorted({place[0] for place in places})
     if len(used) * side**2 > MOST_TEXELS:
         raise UsageError(
-            f"{len(used)} maps of {side} texels squared are more than {MOST_TEXELS:,} texels: ask for fewer per "
-            "metre"
+            f"{len(used)} maps of {side} texels squared are more than {MOST_TEXELS:,} texels: "
+            "ask for fewer per metre"
         )
     number = {atlas: row for row, atlas in enumerate(used)}
     inner = [(number[atlas], left + padding, top + padding) for atlas, left, top in places]
