@@ -579,6 +579,9 @@ def test_several_maps_where_one_is_not_enough(cornell, tmp_path):
     room = isolux.solve(isolux.load(SCENES / "room.glb"), error=0.3)
     with pytest.raises(exceptions.UsageError, match="more than 64 maps of 16 texels"):
         room.bake_lightmap(tmp_path / "many.glb", padding=5, size=16)
+    # The packer of unrolled charts ends the process where it is asked for that.
+    with pytest.raises(exceptions.UsageError, match="more than 64 maps of 4096 texels"):
+        room.bake_lightmap(tmp_path / "many.glb", texels_per_metre=1e9)
     # Each of the box's charts as large as a map may be: refused before a texel is asked for.
     with pytest.raises(exceptions.UsageError, match=r"maps of 4096 texels squared are more than 268,435,456"):
         cornell.bake_lightmap(tmp_path / "dense.glb", texels_per_metre=1e9)

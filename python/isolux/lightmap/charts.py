@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -299,6 +300,10 @@ def _unroll(chart: Chart, surfaces: Surfaces, density: float, most: int, padding
     vertices[names] = corners.reshape(-1, 3)
     # In single precision, far from the origin is coarse.
     vertices -= vertices.mean(axis=0)
+    # Denser than this no map holds it, however it is cut; the packer fails where it is asked for far more.
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    area = 0.5 * float(np.linalg.norm(across, axis=1).sum())
+    density = min(density, most / math.sqrt(max(area, 1e-300)))
     while True:
         atlas = xatlas.Atlas()
         atlas.add_mesh(vertices.astype(np.float32), names.reshape(-1, 3).astype(np.uint32))
