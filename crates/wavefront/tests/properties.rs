@@ -137,5 +137,5 @@ fn links_that_no_more_rays_are_sent_for_are_split() {
     assert_eq!(solved.bound, None);
     assert!(solved.estimate.unwrap().total <= 0.02, "{:?}", solved.estimate);
     // Measured 1,044. With such links kept, 0.069 was claimed however many there were.
-    assert!(elements < 1200, "{elements}");
+    assert!(elements < 1100, "{elements}");
 }

@@ -189,7 +189,7 @@ def reads_scene(light: LightMode = "file") -> Callable[[Callable[..., int]], Cal
             )
             return command(reading=Reading(**said, given=given), **values)
 
-        run.__signature__ = own.replace(parameters=parameters)  # type: ignore[attr-defined]
+        vars(run)["__signature__"] = own.replace(parameters=parameters)
         run.__annotations__ = {one.name: one.annotation for one in parameters} | {"return": int}
         return run
 
