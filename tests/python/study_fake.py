@@ -28,15 +28,23 @@ STRUCTURES = ("elements", "links", "BSP tree", "queues", "locks")
 
 
 class Problem:
-    """Counts its runs; may be told to fail its accounting, or to wait until it is stopped."""
+    """Counts its runs; may be told to fail its accounting, or to wait until it is stopped.
+
+    `endless_preparation` is the bf epsilon at which it is not ready before it is stopped.
+    """
 
     made: list[dict[str, object]] = []  # noqa: RUF012
     wrong_accounting = False
     endless_from: int | None = None
+    endless_preparation: float | None = None
     lock = threading.Lock()
 
-    def __init__(self, _scene, settings):
+    def __init__(self, _scene, settings, stop=None):
         self.settings = json.loads(settings)
+        while self.settings["bf_epsilon"] == self.endless_preparation:
+            self.waiting()
+            if stop is not None and stop():
+                raise KeyboardInterrupt
         self.factor = SIZES.get(self.settings["bf_epsilon"], self.settings["bf_epsilon"])
 
     @staticmethod
@@ -195,6 +203,8 @@ class Engine:
 
     names = ("ideal", "sb-pram", "dash", "two-socket", "sequential", "threads")
     orders_asked: list[dict[str, object]] = []  # noqa: RUF012
+    endless_orders = False
+    waiting = staticmethod(Problem.waiting)
 
     @classmethod
     def machine_names(cls):
@@ -213,8 +223,12 @@ class Engine:
         return json.dumps({"name": source, "processors_max": most, "uniform": source in ("sb-pram", "ideal")})
 
     @classmethod
-    def study_orders(cls, _scene, request):
+    def study_orders(cls, _scene, request, stop=None):
         asked = json.loads(request)
+        while cls.endless_orders:
+            cls.waiting()
+            if stop is not None and stop():
+                raise KeyboardInterrupt
         cls.orders_asked.append(asked)
         counted = [cls._order(name, None, asked["coarse"]) for name in asked["orders"]]
         return json.dumps(counted + [cls._order("random", seed, asked["coarse"]) for seed in asked["seeds"]])

@@ -396,6 +396,8 @@ WRITERS = [
     ("bake", "{solution}", "-o", "{tmp}/out/a.glb", "--json", ".json"),
     ("bake", "{solution}", "--to", "lightmap", "-o", ".glb"),
     ("bake", "{solution}", "--to", "lightmap", "-o", "{tmp}/out/a.glb", "--json", ".json"),
+    ("bake", "{solution}", "--to", "both", "-o", ".glb"),
+    ("bake", "{solution}", "--to", "both", "-o", "{tmp}/out/a.glb", "--json", ".json"),
     ("report", "{solution}", "--plane", "floor+0.5", "-o", ".pdf"),
     ("report", "{solution}", "--plane", "floor+0.5", "-o", "{tmp}/out/a.pdf", "--json", ".json"),
     ("measure", "{solution}", "--plane", "floor+0.5", "-o", ".csv"),

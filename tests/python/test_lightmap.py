@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
+import stat
 import subprocess
 import sys
 import time
 from base64 import b64encode
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,6 +20,8 @@ from PIL import Image
 
 import isolux
 from isolux import exceptions
+from isolux.cli.app import run
+from isolux.io.together import write_together
 from isolux.lightmap import charts, raster
 from isolux.lightmap.packing import packed
 
@@ -718,12 +723,13 @@ def test_commands_that_make_no_sense(isolux_command, solution_file, tmp_path, op
 
 
 @pytest.mark.usefixtures("interruptible")
-def test_ctrl_c_leaves_nothing_behind(lit, tmp_path):
+@pytest.mark.parametrize("to", ["lightmap", "both"])
+def test_ctrl_c_leaves_nothing_behind(lit, tmp_path, to):
     """Catches a bake that does not hear Ctrl-C, and pictures without their scene."""
     lit.save(tmp_path / "lamp.isolux")
     folder = tmp_path / "out"
     command = [sys.executable, "-m", "isolux", "bake", tmp_path / "lamp.isolux", "-o", folder / "lit.glb"]
-    command += ["--to", "lightmap", "--size", "2048", "--gather", "4096", "--progress", "json"]
+    command += ["--to", to, "--size", "2048", "--gather", "4096", "--progress", "json"]
     with subprocess.Popen(list(map(str, command)), stderr=subprocess.PIPE, text=True) as running:
         for line in running.stderr:
             if '"texels"' in line:
@@ -736,3 +742,163 @@ def test_ctrl_c_leaves_nothing_behind(lit, tmp_path):
     assert time.monotonic() - began < 5.0
     assert rest.rstrip().endswith("isolux: cancelled")
     assert not list(folder.iterdir())
+
+
+def test_both_kinds_of_light_go_to_files_of_their_own(cornell, tmp_path, capsys):
+    """Catches light that a viewer multiplies by itself, and two files that are not those of two calls."""
+    cornell.save(tmp_path / "c.isolux")
+    options = ["--to", "both", "--size", "128", "--scene", str(SCENES / "cornell.glb"), "--exposure", "0.01"]
+    out, mapped = tmp_path / "lit.glb", tmp_path / "lit-lightmap.glb"
+    command = ["bake", str(tmp_path / "c.isolux"), "-o", str(out), *options]
+    assert run(command) == 0
+    told = capsys.readouterr().err
+    assert f"wrote {out} with lit vertices (exposure 0.01)" in told
+    assert f"wrote {mapped} and 1 map of 128 x 128 texels" in told
+    assert run([*command, "--json", "-"]) == 0
+    values = json.loads(capsys.readouterr().out)
+    assert (values["output"], values["lightmap"]["output"]) == (str(out), str(mapped))
+    assert values["exposure"] == values["lightmap"]["exposure"] == 0.01
+
+    lit, maps = Glb(out).root, Glb(mapped).root
+    shown = [primitive for mesh in lit["meshes"] for primitive in mesh["primitives"]]
+    assert shown
+    assert all("COLOR_0" in primitive["attributes"] for primitive in shown)
+    assert "MOZ_lightmap" not in json.dumps(lit)
+    shown = [primitive for mesh in maps["meshes"] for primitive in mesh["primitives"]]
+    assert all("TEXCOORD_1" in primitive["attributes"] for primitive in shown)
+    assert not any("COLOR_0" in primitive["attributes"] for primitive in shown)
+    assert all(
+        "MOZ_lightmap" in maps["materials"][primitive["material"]]["extensions"] for primitive in shown
+    )
+
+    apart = tmp_path / "apart"
+    apart.mkdir()
+    cornell.bake(apart / "lit.glb", exposure=0.01)
+    manifest = cornell.bake_lightmap(
+        apart / mapped.name, size=128, scene=SCENES / "cornell.glb", exposure=0.01
+    )
+    assert {path.name for path in tmp_path.iterdir()} == {"c.isolux", "apart"} | {
+        path.name for path in apart.iterdir()
+    }
+    for path in apart.iterdir():
+        if path.suffix != ".json":
+            assert path.read_bytes() == (tmp_path / path.name).read_bytes(), path.name
+    # How fast it was differs.
+    written = json.loads((tmp_path / "lit-lightmap.lightmaps.json").read_text())
+    assert written["objects"] == manifest["objects"]
+
+
+def test_both_files_are_tried_before_the_work(lit, tmp_path, capsys, monkeypatch):
+    """Catches a second file that is found to be no good after the first one is written."""
+    lit.save(tmp_path / "a.isolux")
+
+    def work(*_, **__):
+        raise AssertionError("work began")
+
+    monkeypatch.setattr("isolux.open", work)
+    folder = tmp_path / "out"
+    folder.mkdir()
+    command = ["bake", str(tmp_path / "a.isolux"), "-o", str(folder / "lit.glb"), "--to", "both"]
+    manifest = folder / "lit-lightmap.lightmaps.json"
+    for more, message in (
+        (["-o", str(folder / "lit.ply")], "should have a name that ends in .glb"),
+        (["--json", str(folder / "lit-lightmap.glb")], "is what -o writes"),
+        (["--json", str(manifest)], "is what --to writes"),
+        (["--scene", str(folder / "room.obj")], "is neither .glb nor .gltf"),
+    ):
+        assert run([*command, *more]) == 2
+        assert message in capsys.readouterr().err.splitlines()[-1]
+    for name in (folder / "lit-lightmap.glb", manifest):
+        name.mkdir()
+        assert run(command) == 2
+        assert f"{name} is a folder" in capsys.readouterr().err.splitlines()[-1]
+        name.rmdir()
+    (folder / "lit-lightmap.glb").write_bytes(b"")
+    assert run([*command, "--scene", str(folder / "lit-lightmap.glb")]) == 2
+    assert "is the input" in capsys.readouterr().err.splitlines()[-1]
+    assert [path.name for path in folder.iterdir()] == ["lit-lightmap.glb"]
+
+
+@pytest.mark.parametrize("stop", [KeyboardInterrupt, OSError(28, "No space left on device")])
+def test_files_that_belong_together(tmp_path, monkeypatch, stop):
+    """Catches a set of files of which some are new and some are old, and what is left beside them."""
+    paths = {name: tmp_path / name for name in ("first", "new", "last")}
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "elsewhere" / "linked").write_bytes(b"old")
+    paths["linked"] = tmp_path / "linked"
+    paths["linked"].symlink_to(tmp_path / "elsewhere" / "linked")
+    files = {path: name.encode() for name, path in paths.items()}
+
+    def stand():
+        assert {path.name for path in tmp_path.rglob("*")} <= {*paths, "elsewhere"}
+        return {name: path.read_bytes() if path.exists() else None for name, path in paths.items()}
+
+    paths["first"].write_bytes(b"old")
+    paths["first"].chmod(0o640)
+    paths["last"].write_bytes(b"old")
+    before = stand()
+    counts = {}
+    for owner, call in ((os, "link"), (Path, "replace"), (isolux._isolux, "write_aside")):
+        real = getattr(owner, call)
+        for late in (False, True):
+            at = 0
+            while True:
+                calls = iter(range(1000))
+
+                def failing(*arguments, real=real, calls=calls, late=late, at=at):
+                    is_it = next(calls) == at
+                    if is_it and not late:
+                        raise stop
+                    real(*arguments)
+                    # Ctrl-C may come when a thing is done and nobody knows yet.
+                    if is_it:
+                        raise stop
+
+                with monkeypatch.context() as patched:
+                    patched.setattr(owner, call, failing)
+                    try:
+                        write_together(files)
+                    except (KeyboardInterrupt, exceptions.WriteError):
+                        pass
+                    else:
+                        # Fewer calls than this, or a disk without links: it was done.
+                        if call != "link" or next(calls) <= at:
+                            break
+                        assert stand() == {name: name.encode() for name in paths}
+                        for name, contents in before.items():
+                            if contents is None:
+                                paths[name].unlink()
+                            else:
+                                paths[name].write_bytes(contents)
+                assert stand() == before
+                at += 1
+            counts[call] = at
+            assert stand() == {name: name.encode() for name in paths}
+            assert stat.S_IMODE(paths["first"].stat().st_mode) == 0o640
+            assert paths["linked"].is_symlink()
+            for name, contents in before.items():
+                if contents is None:
+                    paths[name].unlink()
+                else:
+                    paths[name].write_bytes(contents)
+    assert counts == {"link": 3, "replace": 4, "write_aside": 4}
+
+
+def test_a_set_of_files_names_the_one_that_fails(tmp_path):
+    """Catches an error that names a temporary file, or a folder or read-only file that is replaced."""
+    (tmp_path / "folder").mkdir()
+    fixed = tmp_path / "fixed"
+    fixed.write_bytes(b"old")
+    fixed.chmod(0o444)
+    for name, why in (
+        ("folder", "it is a folder"),
+        ("fixed", "it is read-only"),
+        ("gone/a", "create a temporary file beside it: No such file or directory"),
+    ):
+        with pytest.raises(exceptions.WriteError) as caught:
+            write_together({tmp_path / "good": b"new", tmp_path / name: b"new"})
+        assert str(tmp_path / name) in str(caught.value)
+        assert why in str(caught.value)
+        assert ".tmp" not in str(caught.value)
+        assert sorted(path.name for path in tmp_path.iterdir()) == ["fixed", "folder"]
+    assert fixed.read_bytes() == b"old"

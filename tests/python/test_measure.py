@@ -401,3 +401,13 @@ def test_what_is_not_there_is_a_dash(isolux_command, hall_file, tmp_path):
     told = json.loads(isolux_command(*arguments, "--json", "-").stdout)
     statistics = told["measurements"][0]["quantities"]["plane"]
     assert (statistics["average"], statistics["count"]) == (None, 0)
+
+
+def test_every_column_of_the_table_has_a_heading(isolux_command, hall_file):
+    """Catches a column without a heading, beside which all others are read wrong."""
+    done = isolux_command("measure", hall_file, "--plane", "floor+0.5", "--progress", "none")
+    head, row = (re.split(r"\s{2,}", line) for line in done.stdout.splitlines())
+    assert head[-3:] == ["unit", "noise", "points"]
+    assert len(head) == len(row) == 9 + 1
+    assert row[-3] == "lx"
+    assert float(row[-2]) > 0.0

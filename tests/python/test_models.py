@@ -130,6 +130,26 @@ def test_a_pilot_light_is_no_light(isolux_command, tmp_path):
     assert "diode" in [group["name"] for group in page_header(page)["groups"]]
 
 
+def test_a_model_that_reflects_nothing_is_told(isolux_command, tmp_path):
+    """Catches a black page without a word why, and a word where a model shows."""
+    model = table()
+    model.add("stone", block((-3.0, 0.0, -3.0), (-1.0, 2.0, 3.0)), paint(0.0))
+    done = isolux_command(
+        "view", model.write(tmp_path / "a.glb"), "--export", tmp_path / "a.html", "--quality", "draft"
+    )
+    (line,) = (line for line in done.stderr.splitlines() if "black" in line)
+    assert line.startswith("isolux: note: 'stone': mostly black in any light")
+    # As dark as any paint, but of one darkness: the exposure shows it.
+    dark = Model()
+    dark.add("slate", block((0.0, 0.0, 0.0), (1.0, 1.0, 1.0)), paint(0.0005))
+    for other in (table(), dark):
+        done = isolux_command(
+            "view", other.write(tmp_path / "b.glb"), "--export", tmp_path / "b.html", "--quality", "draft"
+        )
+        assert done.returncode == 0, done.stderr
+        assert "black" not in done.stderr
+
+
 def test_light_is_what_was_asked_for(isolux_command, tmp_path):
     """Catches --light without effect, and a scene in the dark that is not told how to get out of it."""
     path, page = table().write(tmp_path / "table.glb"), tmp_path / "table.html"

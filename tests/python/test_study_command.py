@@ -6,8 +6,10 @@ import json
 import os
 import re
 import signal
+import subprocess
 import sys
 import threading
+import time
 
 import pytest
 import study_fake
@@ -318,6 +320,70 @@ def test_ctrl_c_keeps_what_is_there(study, fake, tmp_path, monkeypatch):
     assert code == 0
     planned = int(re.search(r"\((\d+) runs", err)[1])
     assert len(problem.made) - before == planned - len(kept)
+
+
+@pytest.mark.usefixtures("interruptible")
+@pytest.mark.parametrize(
+    ("moment", "code_of_page"),
+    [("preparation 1", False), ("preparation 4", False), ("orders", False), ("page", True)],
+)
+def test_ctrl_c_is_heard_between_runs(study, fake, tmp_path, monkeypatch, moment, code_of_page):
+    """Catches a Ctrl-C that waits for a problem to be prepared, for orders to be counted, for a report."""
+    problem, engine = fake
+    press = threading.Semaphore(1)
+
+    def waiting():
+        time.sleep(0.001)
+        if press.acquire(blocking=False):
+            os.kill(os.getpid(), signal.SIGINT)
+
+    monkeypatch.setattr(problem, "waiting", staticmethod(waiting))
+    if moment == "orders":
+        monkeypatch.setattr(engine, "endless_orders", True)
+        monkeypatch.setattr(engine, "waiting", staticmethod(waiting))
+    elif moment == "page":
+        monkeypatch.setattr(figures, "svg", lambda *_: waiting())
+    else:
+        epsilons = size.QUICK.epsilons[moment.split()[1]]
+        monkeypatch.setattr(problem, "endless_preparation", epsilons.bf_epsilon)
+    code, out, err = study("--quick", "-j", "2")
+    assert (code, out) == (130, "")
+    assert one_line(err).startswith("isolux: cancelled")
+    assert ("are made" in err) != (code_of_page or moment == "preparation 1")
+    assert not (tmp_path / "report" / "index.html").exists()
+    assert threading.active_count() == 1
+
+
+PREPARATIONS = """
+import json, sys, time
+import isolux
+from isolux import _isolux
+from isolux.study import size
+
+scene = isolux.load(sys.argv[1])._inner
+settings = json.dumps({**size.QUICK.epsilons["1"].to_dict(), "order": size.ORDER, "seed": 0})
+request = json.dumps({"orders": [size.ORDER], "seeds": [], "coarse": None})
+for work, asked in ((_isolux.StudyProblem, settings), (_isolux.study_orders, request)):
+    answers = iter([False, False, True])
+    began = time.monotonic()
+    try:
+        work(scene, asked, lambda: next(answers))
+    except KeyboardInterrupt:
+        print(f"{work.__name__} {time.monotonic() - began:.3f}")
+"""
+
+
+def test_preparations_end_when_they_are_told(tmp_path):
+    """Catches a real preparation, or a real count of orders, that a thread without signals waits for."""
+    path = tmp_path / "objects.glb"
+    make = [sys.executable, str(ROOT / "scenes" / "large.py"), "objects", "20000", str(path)]
+    subprocess.run(make, check=True, capture_output=True)
+    # What is not waited for any more goes on until its process ends.
+    done = in_python(PREPARATIONS, path)
+    told = [line.split() for line in done.stdout.splitlines()]
+    assert [name for name, _ in told] == ["StudyProblem", "study_orders"], done.stderr
+    # They take 3 and 8 seconds, and ask every 20 ms.
+    assert all(float(seconds) < 1.5 for _, seconds in told), told
 
 
 def test_orders_are_a_step_of_their_own(study, fake, tmp_path):

@@ -3,9 +3,8 @@
 use crate::error::{internal, to_python};
 use crate::panics::{caught, guarded};
 use crate::scene::Scene;
-use crate::waiting::interruptible;
+use crate::waiting::{heard, interruptible_or};
 use isolux::study::{MachineReport, OrderRequest, RunRequest, StudyError, StudySettings, count_orders, machine_spec};
-use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -33,12 +32,15 @@ pub(crate) struct StudyProblem {
 
 #[pymethods]
 impl StudyProblem {
-    /// The scene's polygons are inserted in the tree, and those found that light can reach.
+    /// The scene's polygons are inserted in the tree, and those found that light can reach. `stop` is asked as it is by
+    /// `simulate`.
     #[new]
-    fn new(py: Python<'_>, scene: &Scene, settings: &str) -> PyResult<StudyProblem> {
+    #[pyo3(signature = (scene, settings, stop=None, /))]
+    fn new(py: Python<'_>, scene: &Scene, settings: &str, stop: Option<Py<PyAny>>) -> PyResult<StudyProblem> {
         let settings: StudySettings = parse(settings)?;
         let scene = Arc::clone(&scene.inner);
-        let problem = interruptible(py, move || isolux::study::StudyProblem::new(scene, settings))?;
+        let make = move || isolux::study::StudyProblem::new(scene, settings);
+        let problem = interruptible_or(py, stop.as_ref(), make)?;
         Ok(StudyProblem { inner: Arc::new(problem.map_err(to_python)?) })
     }
 
@@ -74,11 +76,7 @@ impl StudyProblem {
                 }
                 Err(RecvTimeoutError::Disconnected) => return Err(internal("a thread was lost".into())),
                 Err(RecvTimeoutError::Timeout) if raised.is_none() => {
-                    let asked = py.check_signals().and_then(|()| match &stop {
-                        Some(stop) if stop.call0(py)?.is_truthy(py)? => Err(PyKeyboardInterrupt::new_err("stopped")),
-                        _ => Ok(()),
-                    });
-                    if let Err(error) = asked {
+                    if let Err(error) = heard(py, stop.as_ref()) {
                         told.store(true, Relaxed);
                         raised = Some(error);
                     }
@@ -102,13 +100,15 @@ pub(crate) fn check_machine(name_or_path: &str) -> PyResult<String> {
     text(&MachineReport::new(&machine_spec(name_or_path).map_err(to_python)?))
 }
 
-/// JSON list: size of the BSP tree, root links and work by order of insertion.
+/// JSON list: size of the BSP tree, root links and work by order of insertion. `stop` is asked now and then; true ends it
+/// with a KeyboardInterrupt.
 #[pyfunction]
-#[pyo3(signature = (scene, request, /))]
-pub(crate) fn study_orders(py: Python<'_>, scene: &Scene, request: &str) -> PyResult<String> {
+#[pyo3(signature = (scene, request, stop=None, /))]
+pub(crate) fn study_orders(py: Python<'_>, scene: &Scene, request: &str, stop: Option<Py<PyAny>>) -> PyResult<String> {
     let request: OrderRequest = parse(request)?;
     let scene = Arc::clone(&scene.inner);
-    text(&interruptible(py, move || count_orders(&scene, &request))?.map_err(to_python)?)
+    let counted = interruptible_or(py, stop.as_ref(), move || count_orders(&scene, &request))?;
+    text(&counted.map_err(to_python)?)
 }
 
 /// JSON: lines of code of each organisation that are its own.

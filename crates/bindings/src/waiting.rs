@@ -4,6 +4,7 @@
 use crate::error::internal;
 use crate::panics::guarded;
 use isolux::Control;
+use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
 use std::sync::Arc;
 use std::sync::mpsc::{RecvTimeoutError, channel};
@@ -19,6 +20,15 @@ const STACK_BYTES: usize = 8 << 20;
 /// (looked for every 20 ms), that comes back at once; the thread then works on for nobody and its result is dropped.
 pub(crate) fn interruptible<T: Send + 'static>(
     py: Python<'_>,
+    work: impl FnOnce() -> T + Send + 'static,
+) -> PyResult<T> {
+    interruptible_or(py, None, work)
+}
+
+/// The same for a thread that hears no signals: `stop` is asked as often; true is a `KeyboardInterrupt`, at once.
+pub(crate) fn interruptible_or<T: Send + 'static>(
+    py: Python<'_>,
+    stop: Option<&Py<PyAny>>,
     work: impl FnOnce() -> T + Send + 'static,
 ) -> PyResult<T> {
     let (sender, receiver) = channel();
@@ -38,13 +48,22 @@ pub(crate) fn interruptible<T: Send + 'static>(
             guarded(py, || receiver.lock().unwrap_or_else(std::sync::PoisonError::into_inner).recv_timeout(INTERVAL))?;
         match waited {
             Ok(result) => return result.map_err(internal),
-            Err(RecvTimeoutError::Timeout) => py.check_signals()?,
+            Err(RecvTimeoutError::Timeout) => heard(py, stop)?,
             Err(RecvTimeoutError::Disconnected) => return Err(internal("a thread was lost".into())),
         }
     }
 }
 
-/// The same for work that ends soon when its control says stop, which it does when a signal handler raises.
+/// Raises what a signal handler raises, or a `KeyboardInterrupt` where `stop` says so.
+pub(crate) fn heard(py: Python<'_>, stop: Option<&Py<PyAny>>) -> PyResult<()> {
+    py.check_signals()?;
+    match stop {
+        Some(stop) if stop.call0(py)?.is_truthy(py)? => Err(PyKeyboardInterrupt::new_err("stopped")),
+        _ => Ok(()),
+    }
+}
+
+/// [`interruptible`] for work that ends soon when its control says stop, which it does when a signal handler raises.
 pub(crate) fn stoppable<T: Send + 'static>(
     py: Python<'_>,
     work: impl FnOnce(&Control) -> T + Send + 'static,

@@ -896,7 +896,7 @@ mod tests {
             }
         }
         let exact = sum * 2.0 * (high - 1.0) / f64::from(count * count);
-        for rays in [2048, 8192] {
+        for (rays, most) in [(2048, 0.035), (8192, 0.013)] {
             let at = (place + DVec3::Z * 1e-4 - geometry.middle).as_vec3();
             let receiver = Receiver::Plane(DVec3::Z);
             let (names, mut sums) = (400, [0.0; 2]);
@@ -907,8 +907,9 @@ mod tests {
             }
             let [mean, square] = sums.map(|sum| sum / names as f64);
             let chance = ((square - mean * mean) / names as f64).sqrt();
-            // Measured a standard error of 3 % and of 1 %.
-            assert!(chance < 0.05 * exact, "{rays}: {chance} {exact}");
+            // Measured over eight such sets of names: a standard error of 2.7 to 3.0 %, and of 1.0 to 1.2 %. Four times
+            // that is less than what was wrong.
+            assert!(chance < most * exact, "{rays}: {chance} {exact}");
             assert!((mean - exact).abs() < 4.0 * chance, "{rays}: {mean} {exact} {chance}");
         }
     }

@@ -1,7 +1,8 @@
-"""``isolux bake``: a solution becomes a lit file."""
+"""``isolux bake``: a solution becomes a lit file, or one with lightmaps, or both."""
 
 from __future__ import annotations
 
+import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -14,6 +15,7 @@ from isolux.cli.targets import Targets, write_json
 from isolux.cli.terminal import interrupts, say
 
 if TYPE_CHECKING:
+    from isolux.cli.options import ProgressMode
     from isolux.lightmap import Part
 
 __all__ = ["bake"]
@@ -28,8 +30,11 @@ def bake(
         ),
     ],
     to: Annotated[
-        Literal["vertex", "lightmap"],
-        typer.Option(help="Where the light goes: colours of vertices, or pictures beside the file."),
+        Literal["vertex", "lightmap", "both"],
+        typer.Option(
+            help="Where the light goes: colours of vertices, or pictures beside the file; both: two files, "
+            "the second named after the first, FILE-lightmap.glb."
+        ),
     ] = "vertex",
     exposure: Annotated[
         str | None,
@@ -100,8 +105,10 @@ def bake(
         isolux bake room.isolux -o sharp.glb --gather 1024
 
         isolux bake room.isolux -o lit.glb --to lightmap --scene room.glb --texels-per-metre 40
+
+        isolux bake room.isolux -o lit.glb --to both
     """
-    if to == "lightmap":
+    if to != "vertex":
         options: dict[str, Any] = {
             "texels_per_metre": texels_per_metre,
             "size": size,
@@ -113,7 +120,8 @@ def bake(
             "threads": threads,
         }
         given = {name: value for name, value in options.items() if value is not None}
-        return _lightmap(solution, out, exposure, given, json, progress)
+        run = _both if to == "both" else _lightmap
+        return run(solution, out, exposure, given, json, progress)
     maps_only = {
         "--texels-per-metre": texels_per_metre,
         "--size": size,
@@ -124,7 +132,7 @@ def bake(
     }
     for option, value in maps_only.items():
         if value is not None:
-            raise typer.BadParameter("it belongs to --to lightmap", param_hint=option)
+            raise typer.BadParameter("it belongs to --to lightmap or both", param_hint=option)
     targets = Targets(solution)
     targets.check(out, (".glb", ".ply", ".vtu"))
     targets.check_json(json)
@@ -147,31 +155,98 @@ def _lightmap(
     exposure: str | None,
     options: dict[str, Any],
     json: str | None,
-    progress: Any,  # noqa: ANN401 (a word of `ProgressMode`)
+    progress: ProgressMode,
 ) -> int:
     """Bake lightmaps; tell what was written, and what is not as it was asked for."""
-    scene = options.get("scene")
-    targets = Targets(solution, scene)
+    targets = Targets(solution, options.get("scene"))
     targets.check(out, (".glb",))
-    targets.check_json(json)
-    if scene is not None and scene.suffix.lower() not in (".glb", ".gltf"):
-        raise typer.BadParameter(f"{scene} is neither .glb nor .gltf: leave it out", param_hint="--scene")
+    _check_maps(targets, out, options, json)
     with interrupts():
         opened = isolux.open(solution)
         factor = exposure_factor(exposure, opened.exposure)
         with showing(progress) as hear:
             manifest = opened.bake_lightmap(out, exposure=factor, progress=hear, **options)
+    _tell_of_maps(manifest)
+    if not write_json(json, {"output": str(out), **manifest}):
+        say(f"wrote {out} and {_maps(manifest)}")
+    return 0
+
+
+def _both(
+    solution: Path,
+    out: Path,
+    exposure: str | None,
+    options: dict[str, Any],
+    json: str | None,
+    progress: ProgressMode,
+) -> int:
+    """Bake a file with lit vertices and one with lightmaps; both appear, or none.
+
+    They are two, for what shows both kinds of light multiplies them.
+    """
+    from isolux.lightmap import bake as bake_lightmap  # noqa: PLC0415 (see `Solution.bake_lightmap`)
+
+    mapped = out.with_name(f"{out.stem}-lightmap{out.suffix}")
+    targets = Targets(solution, options.get("scene"))
+    targets.check(out, (".glb",))
+    targets.check(mapped, (".glb",))
+    _check_maps(targets, mapped, options, json)
+    with interrupts():
+        opened = isolux.open(solution)
+        factor = exposure_factor(exposure, opened.exposure)
+        with tempfile.TemporaryDirectory(dir=out.parent, prefix=".isolux-", suffix=".tmp") as folder:
+            lit = Path(folder) / out.name
+            with showing(progress) as hear:
+                opened.bake(
+                    lit,
+                    exposure=factor,
+                    gather=options.get("gather"),
+                    threads=options["threads"],
+                    progress=hear,
+                )
+            contents = lit.read_bytes()
+        with showing(progress) as hear:
+            manifest = bake_lightmap(
+                opened, mapped, exposure=factor, progress=hear, beside={out: contents}, **options
+            )
+    _tell_of_maps(manifest)
+    values = {
+        "output": str(out),
+        "exposure": factor,
+        "lightmap": {"output": str(mapped), **manifest},
+    }
+    if not write_json(json, values):
+        say(f"wrote {out} with lit vertices (exposure {factor:.4g})")
+        say(f"wrote {mapped} and {_maps(manifest)}")
+    return 0
+
+
+def _check_maps(targets: Targets, out: Path, options: dict[str, Any], json: str | None) -> None:
+    """What a bake of lightmaps reads and writes beside its scene."""
+    from isolux.lightmap import manifest_of  # noqa: PLC0415 (see `Solution.bake_lightmap`)
+
+    scene: Path | None = options.get("scene")
+    targets.check(manifest_of(out), option="--to")
+    targets.check_json(json)
+    if scene is not None and scene.suffix.lower() not in (".glb", ".gltf"):
+        raise typer.BadParameter(f"{scene} is neither .glb nor .gltf: leave it out", param_hint="--scene")
+
+
+def _tell_of_maps(manifest: dict[str, Any]) -> None:
+    """What is not as it was asked for."""
     for note in manifest["notes"]:
         say(f"note: {note}")
-    if not write_json(json, {"output": str(out), **manifest}):
-        maps = len(manifest["maps"])
-        side = manifest["maps"][0]["width"]
-        say(
-            f"wrote {out} and {maps} {'map' if maps == 1 else 'maps'} of {side} x {side} texels, "
-            f"{manifest['texelsPerMetre']:.3g} per metre (exposure {factor:.4g}, "
-            f"{manifest['texelsPerSecond']:,} texels/s)"
-        )
-    return 0
+
+
+def _maps(manifest: dict[str, Any]) -> str:
+    """Maps in words: how many, how large, how bright."""
+    count = len(manifest["maps"])
+    side = manifest["maps"][0]["width"]
+    return (
+        f"{count} {'map' if count == 1 else 'maps'} of {side} x {side} texels, "
+        f"{manifest['texelsPerMetre']:.3g} per metre (exposure {manifest['exposure']:.4g}, "
+        f"{manifest['texelsPerSecond']:,} texels/s)"
+    )
 
 
 def _parts(text: str | None) -> list[Part] | None:

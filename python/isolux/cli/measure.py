@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 import isolux
-from isolux import _isolux
 from isolux.cli import tables
 from isolux.cli.options import Jobs, JsonTarget, ProgressOption
 from isolux.cli.progress import showing
@@ -16,6 +15,7 @@ from isolux.cli.targets import Targets, write_json
 from isolux.cli.terminal import interrupts, say, show
 from isolux.grids import BORDER
 from isolux.io import measures_file
+from isolux.io.together import write_together
 from isolux.measures import SAMPLES, Plane, Surface
 from isolux.measures import measure as run
 
@@ -115,10 +115,8 @@ def measure(
         opened = isolux.open(solution)
         with showing(progress) as hear:
             found = run(opened, asked, samples=samples, threads=threads, progress=hear)
-        if out is not None:
-            _isolux.write_aside(out, found.to_csv().encode())
-        if summary is not None:
-            _isolux.write_aside(summary, found.summary_csv().encode())
+        texts = {out: found.to_csv(), summary: found.summary_csv()}
+        write_together({path: text.encode() for path, text in texts.items() if path is not None})
         if not write_json(json, found.to_dict()):
             show(tables.measurements(found))
     for entry in found.measurements:

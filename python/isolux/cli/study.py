@@ -118,13 +118,13 @@ def study(
             machines=machines,
         )
         store.open(overwrite=overwrite)
-        hand.keep()
         study = _Study(loaded, wish, store, hand, threads)
         try:
             data = study.make(runs, orders, progress)
         except sweep.Stopped as stopped:
             say(f"cancelled: {stopped}; the same command goes on from there")
             return CANCELLED
+        hand.let_go()
         page = report.write(data, wish, store)
         return _show(page, data, study, json)
 
@@ -149,13 +149,14 @@ class _Study:
         """Have made what is missing: with `orders` those orders alone, else all runs and the usual orders."""
         level = self._wish.level
         problem = self._problem("1")
+        self._hand.keep()
         results: dict[Run, Result]
         if orders is None:
             with showing(progress) as hear:
                 results, self.simulated = sweep.make(
                     runs,
                     self._store,
-                    problem=lambda share: problem if share == "1" else self._problem(share),
+                    problem=lambda share, stop: problem if share == "1" else self._problem(share, stop),
                     machines=self._wish.machines,
                     jobs=self._jobs("runs", hear),
                 )
@@ -188,14 +189,14 @@ class _Study:
             lines=json_format.loads(engine().schedule_lines()),
         )
 
-    def _problem(self, share: str) -> Any:  # noqa: ANN401
+    def _problem(self, share: str, stop: Callable[[], bool] | None = None) -> Any:  # noqa: ANN401
         settings = {
             **self._wish.level.epsilons[share].to_dict(),
             "order": size.ORDER,
             "seed": 0,
             "roots": "fragments",
         }
-        return engine().StudyProblem(self._scene._inner, json_format.dumps(settings))
+        return engine().StudyProblem(self._scene._inner, json_format.dumps(settings), stop)
 
     def _jobs(self, phase: str, hear: Callable[[sweep.State], None] | None) -> sweep.Jobs:
         return sweep.Jobs(phase, self._threads, hear or (lambda _: None), lambda: self._hand.presses > 0)

@@ -363,7 +363,8 @@ def measurements(found: Measurements) -> Table:
         ("min", "right"),
         ("max", "right"),
     ]
-    names += [("U0 min/avg", "right"), ("min/max", "right"), ("unit", "left"), ("points", "right")]
+    names += [("U0 min/avg", "right"), ("min/max", "right"), ("unit", "left")]
+    names += [("noise", "right"), ("points", "right")]
     rows = (
         (
             entry.name,

@@ -65,6 +65,12 @@ class Interrupts:
         """From now on the first Ctrl-C is only noted."""
         self._keeps = True
 
+    def let_go(self) -> None:
+        """From now on Ctrl-C raises again, and so does this where one was noted that nothing has heard."""
+        self._keeps = False
+        if self.presses:
+            raise KeyboardInterrupt
+
     def hearing(self, show: Callable[[Progress], None] | None) -> Callable[[Progress], None]:
         """Give what is to be called with each state of a computation: it ends that after a Ctrl-C."""
 

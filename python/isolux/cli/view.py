@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import signal
 import sys
 import threading
@@ -10,6 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+import numpy as np
 import typer
 
 import isolux
@@ -47,6 +49,14 @@ _OF_SCENES = "Of a scene"
 #: Bytes that many mail servers take.
 _MAILED = 20_000_000
 #: What a solution file begins with.
+#: Weights of red, green and blue in luminance (Rec. 709).
+_LUMINANCE = (0.2126, 0.7152, 0.0722)
+#: What is no element's parent.
+_NONE = 0xFFFF_FFFF
+#: Exposed radiance below which a screen of 8 bits shows 0: half a code on the straight part of sRGB.
+_BLACK = 0.5 / 255.0 / 12.92
+#: Light that counts, of the mean: what hardly any reaches is black for another reason.
+_LIT = 0.01
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 
 
@@ -128,6 +138,7 @@ def view(
             solution = solved(scene, settings, hand, progress)
             if out is not None:
                 solution.save(out)
+            _tell_of_black(solution)
             return _export(solution, export, json, small=small, solved_now=True)
     given = {
         "--output": out,
@@ -180,6 +191,29 @@ def _export(
     return ending(report, f"in {target}") if solved_now else 0
 
 
+def _tell_of_black(solution: isolux.Solution) -> None:
+    """Say which objects stay black in all light, where most of a model does: no exposure shows them."""
+    _, arrays = solution._inner.scene_record()
+    elements = solution.elements
+    root = elements["parent"] == _NONE
+    area, of = elements["area"][root], arrays["scene/object"][elements["polygon"][root]]
+    shown = solution.exposure / math.pi * (elements["radiosity"][root] @ _LUMINANCE)
+    arrives = elements["irradiance"][root] @ _LUMINANCE
+    lit = arrives > _LIT * float(np.average(arrives, weights=area))
+    black = lit & (shown < _BLACK)
+    if area[black].sum() <= 0.5 * area[lit].sum():
+        return
+    count = len(solution.scene.objects)
+    largest = np.bincount(of[black], weights=area[black], minlength=count)
+    mostly = largest > 0.5 * np.bincount(of[lit], weights=area[lit], minlength=count)
+    names = [f"'{solution.scene.objects[row]}'" for row in np.argsort(-largest) if mostly[row]]
+    more = f" and {len(names) - 3} more" if len(names) > 3 else ""
+    say(
+        f"note: {', '.join(names[:3])}{more}: mostly black in any light, for next to nothing is reflected; "
+        "false colour in the page shows the light that arrives"
+    )
+
+
 def _watch(
     scene: isolux.Scene,
     settings: isolux.Settings,
@@ -195,6 +229,7 @@ def _watch(
         solution = solved(scene, settings, hand, progress, watched.server)
         if out is not None:
             solution.save(out)
+        _tell_of_black(solution)
         write_json(json, {"url": watched.server.url, "report": solution.report.to_dict()})
         code = ending(solution.report, "on the page" if out is None else f"in {out}")
         watched.stay(solution, hand)

@@ -13,6 +13,7 @@ import numpy as np
 
 from isolux import _isolux
 from isolux.exceptions import RenderError, UsageError
+from isolux.io.together import write_together
 from isolux.lightmap.attach import Placed, attach, whole_triangles
 from isolux.lightmap.charts import Surfaces, charts_of, laid_out, xatlas_module
 from isolux.lightmap.maps import filled, lit, sampled
@@ -20,7 +21,7 @@ from isolux.lightmap.packing import packed
 from isolux.lightmap.source import made_of, opened
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
     from isolux.lightmap.maps import Sampling
     from isolux.solution import Solution
 
-__all__ = ["Part", "Stage", "Values", "bake"]
+__all__ = ["Part", "Stage", "Values", "bake", "manifest_of"]
 
 #: Light of one kind: what reaches a place straight from emitters and lamps, and the rest.
 Part = Literal["direct", "indirect"]
@@ -99,8 +100,12 @@ def bake(
     gather: int | None = None,
     threads: int = 0,
     progress: Callable[[Stage], object] | None = None,
+    beside: Mapping[Path, bytes] | None = None,
 ) -> dict[str, Any]:
-    """Write a GLB file with lightmaps and all that belongs to it; see `isolux.Solution.bake_lightmap`."""
+    """Write a GLB file with lightmaps and all that belongs to it; see `isolux.Solution.bake_lightmap`.
+
+    All files appear together, and with them those of `beside`, contents by path; or none does.
+    """
     _check(texels_per_metre, size, padding, parts, exposure)
     if values not in ("smooth", "elements"):
         raise UsageError(f"values: '{values}' is neither smooth nor elements")
@@ -108,8 +113,8 @@ def bake(
     stage = Stage()
     hear = _Hearing(progress, stage)
     hear.at("charts", 0.0)
-    text, arrays = solution._inner.scene_record()
-    attributes = json.loads(text)
+    record, arrays = solution._inner.scene_record()
+    attributes = json.loads(record)
     names = solution.scene.objects
     # The scene's own file and the way to parts are looked at before the work, not after it.
     triangles = arrays["scene/triangles"]
@@ -183,15 +188,19 @@ def bake(
     )
     manifest["texels"] = texels
     manifest["texelsPerSecond"] = round(len(kinds) * texels / max(seconds, 1e-9))
-    target = path.with_name(f"{path.stem}.lightmaps.json")
-    encoded[target] = (json.dumps(manifest, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode()
+    text = json.dumps(manifest, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    encoded[manifest_of(path)] = text.encode()
+    hear.at("files", 0.95, path.name)
     # The scene comes last: where it is, all that it needs is there.
-    for name, data in {**encoded, path: glb}.items():
-        hear.at("files", 0.95, name.name)
-        _isolux.write_aside(name, data)
+    write_together({**encoded, path: glb, **(beside or {})})
     manifest["files"] = [str(name) for name in (path, *sorted(encoded))]
     manifest["seconds"] = round(time.perf_counter() - began, 3)
     return manifest
+
+
+def manifest_of(path: Path) -> Path:
+    """File of the manifest: ``lit.lightmaps.json``."""
+    return path.with_name(f"{path.stem}.lightmaps.json")
 
 
 def _check(

@@ -26,8 +26,14 @@ class Problem(Protocol):
 class Engine(Protocol):
     """The extension, as far as a study needs it."""
 
-    def StudyProblem(self, scene: Any, settings: str, /) -> Problem:  # noqa: ANN401, N802
-        """A problem to simulate."""
+    def StudyProblem(  # noqa: N802
+        self,
+        scene: Any,  # noqa: ANN401
+        settings: str,
+        stop: Callable[[], bool] | None = None,
+        /,
+    ) -> Problem:
+        """A problem to simulate. `stop` is asked now and then; True ends it by an exception."""
 
     def machine_names(self) -> list[str]:
         """Machines that come with isolux."""
@@ -35,8 +41,14 @@ class Engine(Protocol):
     def check_machine(self, name_or_path: str, /) -> str:
         """JSON: name, processors_max, uniform; an error names file and key."""
 
-    def study_orders(self, scene: Any, request: str, /) -> str:  # noqa: ANN401
-        """JSON list: BSP size, root links and work by insertion order."""
+    def study_orders(
+        self,
+        scene: Any,  # noqa: ANN401
+        request: str,
+        stop: Callable[[], bool] | None = None,
+        /,
+    ) -> str:
+        """JSON list: BSP size, root links and work by insertion order. `stop` as of `StudyProblem`."""
 
     def schedule_lines(self) -> str:
         """JSON: lines of code by schedule."""
@@ -52,10 +64,14 @@ def orders(
     names: list[str],
     seeds: list[int],
     coarse: dict[str, Any] | None,
+    stop: Callable[[], bool] | None = None,
 ) -> list[dict[str, Any]]:
-    """Count insertion orders, named and random by seed; with `coarse` settings, all of their work."""
+    """Count insertion orders, named and random by seed; with `coarse` settings, all of their work.
+
+    `stop` is asked now and then; True ends it by an exception.
+    """
     request = json.dumps({"orders": names, "seeds": seeds, "coarse": coarse})
-    counted: list[dict[str, Any]] = json.loads(engine().study_orders(scene, request))
+    counted: list[dict[str, Any]] = json.loads(engine().study_orders(scene, request, stop))
     # Whatever else the extension counts on the way is not what was asked for.
     return [
         entry

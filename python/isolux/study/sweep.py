@@ -154,7 +154,7 @@ def make(
     runs: Sequence[Run],
     store: Store,
     *,
-    problem: Callable[[str], engine.Problem],
+    problem: Callable[[str, Callable[[], bool]], engine.Problem],
     machines: Mapping[str, Machine],
     jobs: Jobs,
 ) -> tuple[dict[Run, Result], int]:
@@ -167,7 +167,7 @@ def make(
     store
         Where results are kept.
     problem
-        Gives the problem of a size, see `size.SIZES`.
+        Gives the problem of a size, see `size.SIZES`; asks now and then whether to stop.
     machines
         By name.
     jobs
@@ -189,7 +189,7 @@ def make(
         machine = machines[run.machine]
 
         def simulate(stop: Callable[[], bool]) -> str:
-            return problems.get(run.size).simulate(run.request(machine.source), stop)
+            return problems.get(run.size, stop).simulate(run.request(machine.source), stop)
 
         def keep(answer: str) -> None:
             results[run] = _without_trace(store.keep(run, answer))
@@ -209,15 +209,15 @@ def _without_trace(result: Result) -> Result:
 class _Problems:
     """Problems by size, each made once, when it is first needed."""
 
-    def __init__(self, make: Callable[[str], engine.Problem]) -> None:
+    def __init__(self, make: Callable[[str, Callable[[], bool]], engine.Problem]) -> None:
         self._make = make
         self._made: dict[str, engine.Problem] = {}
         self._lock = threading.Lock()
 
-    def get(self, size: str) -> engine.Problem:
+    def get(self, size: str, stop: Callable[[], bool]) -> engine.Problem:
         with self._lock:
             if size not in self._made:
-                self._made[size] = self._make(size)
+                self._made[size] = self._make(size, stop)
             return self._made[size]
 
 
@@ -282,8 +282,8 @@ def count_orders(
     def job(batch: Batch) -> Job:
         coarse = {**level.coarse.to_dict(), "roots": batch.roots} if batch.worked else None
 
-        def count(_stop: Callable[[], bool]) -> str:
-            return json.dumps(engine.orders(scene, list(batch.names), list(batch.seeds), coarse))
+        def count(stop: Callable[[], bool]) -> str:
+            return json.dumps(engine.orders(scene, list(batch.names), list(batch.seeds), coarse, stop))
 
         def keep(answer: str) -> None:
             counted = [
