@@ -48,7 +48,6 @@ __all__ = ["live", "view"]
 _OF_SCENES = "Of a scene"
 #: Bytes that many mail servers take.
 _MAILED = 20_000_000
-#: What a solution file begins with.
 #: Weights of red, green and blue in luminance (Rec. 709).
 _LUMINANCE = (0.2126, 0.7152, 0.0722)
 #: What is no element's parent.
@@ -57,6 +56,7 @@ _NONE = 0xFFFF_FFFF
 _BLACK = 0.5 / 255.0 / 12.92
 #: Light that counts, of the mean: what hardly any reaches is black for another reason.
 _LIT = 0.01
+#: What a solution file begins with.
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 
 
