@@ -8,27 +8,18 @@ from __future__ import annotations
 
 import functools
 import http.server
-import os
 import re
-import shutil
 import threading
 
 import numpy as np
 import pytest
-from conftest import ROOT
+from conftest import MISSING, MUST, ROOT
 
 import isolux
 
-CHROMIUM = os.environ.get("ISOLUX_CHROMIUM") or shutil.which("chromium") or shutil.which("chromium-browser")
-MUST = os.environ.get("ISOLUX_BROWSER", "") not in ("", "0")
 THREE = ROOT / "viewer/node_modules/three"
-try:
-    from playwright.sync_api import sync_playwright
-except ImportError:
-    sync_playwright = None
-PARTS = (("playwright", sync_playwright), ("chromium", CHROMIUM), ("three.js", THREE.exists()))
-MISSING = [name for name, found in PARTS if not found]
-pytestmark = pytest.mark.skipif(bool(MISSING) and not MUST, reason=f"not installed: {', '.join(MISSING)}")
+LACKING = MISSING if THREE.exists() else [*MISSING, "three.js"]
+pytestmark = pytest.mark.skipif(bool(LACKING) and not MUST, reason=f"not installed: {', '.join(LACKING)}")
 
 WIDTH, HEIGHT = 320, 240
 PAGE = """<script type="importmap">
@@ -111,9 +102,9 @@ def solution():
 
 
 @pytest.fixture(scope="module")
-def drawn(solution, tmp_path_factory):
+def drawn(solution, browser, tmp_path_factory):
     """What three.js draws, linear, (height, width, 3) from the top; and the manifest."""
-    assert not MISSING, f"ISOLUX_BROWSER is set, but these are not installed: {MISSING}"
+    assert not LACKING, f"ISOLUX_BROWSER is set, but these are not installed: {LACKING}"
     folder = tmp_path_factory.mktemp("page")
     manifest = solution.bake_lightmap(folder / "cornell.glb", size=512, scene=ROOT / "scenes/cornell.glb")
     text = (ROOT / "docs/how-to/lightmaps.md").read_text(encoding="utf-8")
@@ -122,24 +113,19 @@ def drawn(solution, tmp_path_factory):
     handler = functools.partial(Pages, folder=folder, page=page)
     server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler)
     threading.Thread(target=server.serve_forever, daemon=True).start()
-    with sync_playwright() as playwright:
-        arguments = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=arguments)
-        tab = browser.new_page()
-        complaints = []
-        tab.on("console", lambda said: complaints.append(said.text) if said.type == "error" else None)
-        tab.on("pageerror", lambda error: complaints.append(str(error)))
-        tab.goto(f"http://127.0.0.1:{server.server_port}/")
+    tab = browser.new_page()
+    complaints = []
+    tab.on("console", lambda said: complaints.append(said.text) if said.type == "error" else None)
+    tab.on("pageerror", lambda error: complaints.append(str(error)))
+    tab.goto(f"http://127.0.0.1:{server.server_port}/")
 
-        def draw(kind, source):
-            pixels = tab.evaluate(
-                "async ([kind, source]) => await window.drawn(kind, source)", [kind, source]
-            )
-            return np.array(pixels).reshape(HEIGHT, WIDTH, 4)[::-1, :, :3]
+    def draw(kind, source):
+        pixels = tab.evaluate("async ([kind, source]) => await window.drawn(kind, source)", [kind, source])
+        return np.array(pixels).reshape(HEIGHT, WIDTH, 4)[::-1, :, :3]
 
-        yield draw, manifest
-        assert not complaints, complaints
-        browser.close()
+    yield draw, manifest
+    assert not complaints, complaints
+    tab.close()
     server.shutdown()
     server.server_close()
 
