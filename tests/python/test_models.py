@@ -277,6 +277,37 @@ def test_a_scene_can_be_watched(tmp_path):
     assert isolux.open(kept).report.status == "converged"
 
 
+MOMENTS = """
+import signal, sys
+from isolux.cli import view
+
+for moment in range(1, 13):
+    lines = 0
+
+    def trace(frame, event, _):
+        global lines
+        if event == "line":
+            lines += 1
+            if lines == moment:
+                signal.raise_signal(signal.SIGINT)
+        return trace
+
+    with view._ending() as ended:
+        sys.settrace(trace)
+        view._wait(ended)
+        sys.settrace(None)
+"""
+
+
+@pytest.mark.usefixtures("interruptible")
+def test_ctrl_c_is_heard_at_any_moment():
+    """Catches a command that hangs for good if Ctrl-C comes while it begins to wait for it."""
+    done = subprocess.run(
+        [sys.executable, "-c", MOMENTS], capture_output=True, text=True, check=False, timeout=60
+    )
+    assert done.returncode == 0, done.stderr
+
+
 def test_models_need_no_name_for_their_format(isolux_command, solution_file, tmp_path):
     """Catches a solution of another name taken for a scene."""
     other = tmp_path / "solved.bin"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import signal
 import sys
-import threading
+import time
 import webbrowser
 from contextlib import contextmanager
 from pathlib import Path
@@ -236,7 +236,7 @@ def _watch(
         return code
 
 
-def _serve(data: bytes, ended: threading.Event, *, browser: bool, json: str | None) -> None:
+def _serve(data: bytes, ended: _Ended, *, browser: bool, json: str | None) -> None:
     from isolux.viewer.server import ViewServer  # noqa: PLC0415
 
     server = ViewServer(data)
@@ -291,27 +291,38 @@ def _open(url: str, *, browser: bool) -> None:
         say("no browser could be opened: open the address above in one")
 
 
-def _wait(ended: threading.Event) -> None:
+class _Ended:
+    """Whether the command has been asked to end.
+
+    No event of `threading`: a signal's handler runs in the midst of the main thread's own waiting, and would
+    wait for a lock that this thread holds.
+    """
+
+    def __init__(self) -> None:
+        self.heard = False
+
+    def hear(self, _signal: int, _frame: FrameType | None) -> None:
+        """Note a signal."""
+        self.heard = True
+
+
+def _wait(ended: _Ended) -> None:
     # Signals are heard between two waits, on every system.
-    while not ended.wait(0.2):
-        pass
+    while not ended.heard:
+        time.sleep(0.2)
 
 
 @contextmanager
-def _ending() -> Iterator[threading.Event]:
+def _ending() -> Iterator[_Ended]:
     """Ctrl-C and SIGTERM end the command as they should: nothing is cut short.
 
     Where Ctrl-C is ignored, as in what a shell starts in the background, it stays so.
     """
-    ended = threading.Event()
-
-    def end(_signal: int, _frame: FrameType | None) -> None:
-        ended.set()
-
+    ended = _Ended()
     before = {}
     for name in (signal.SIGINT, signal.SIGTERM):
         if signal.getsignal(name) != signal.SIG_IGN:
-            before[name] = signal.signal(name, end)
+            before[name] = signal.signal(name, ended.hear)
     try:
         yield ended
     finally:
