@@ -1,4 +1,7 @@
-"""Arguments as arrays of one type; a wrong type is named here, a wrong shape in the extension."""
+"""Arguments as arrays of one type; a wrong type is named here, a wrong shape in the extension.
+
+And what rows of arrays that come from there mean.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,9 @@ import numpy as np
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
+
+#: No row of `Solution.elements`: parent of a root, first child of a leaf.
+NO_ELEMENT = 2**32 - 1
 
 
 def floats(name: str, value: ArrayLike) -> NDArray[np.float64]:

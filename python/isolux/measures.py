@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 import numpy as np
 
 from isolux import _isolux
-from isolux._arrays import floats
+from isolux._arrays import NO_ELEMENT, floats
 from isolux.exceptions import MeasureError
 from isolux.grids import BORDER, Grid, over_object, rectangle
 from isolux.scene import total_power
@@ -646,8 +646,6 @@ class _OnSurface:
 class _Leaves:
     """Open leaves of all fronts of a solution."""
 
-    _NONE = 2**32 - 1
-
     def __init__(self, solution: Solution) -> None:
         scene, elements = solution._group("scene"), solution.elements
         self.unit = unit_of(solution.scene.unit)
@@ -655,7 +653,7 @@ class _Leaves:
         polygon = elements["polygon"]
         # Light falls on the part of a leaf that nothing covers: its irradiance is a mean over all of it.
         share = elements["open_share"]
-        rows = np.flatnonzero((elements["first_child"] == self._NONE) & (polygon < fronts) & (share > 0.0))
+        rows = np.flatnonzero((elements["first_child"] == NO_ELEMENT) & (polygon < fronts) & (share > 0.0))
         self.objects = scene["object"][polygon[rows]]
         self.open = elements["area"][rows] * share[rows]
         total = elements["irradiance"][rows] @ np.array(_weights(solution.scene.unit))
@@ -663,7 +661,7 @@ class _Leaves:
         corners = elements["corners"][rows]
         self.middles: NDArray[np.float64] = np.nanmean(corners, axis=1)
         self._fronts = scene["object"][:fronts]
-        roots = np.flatnonzero(elements["parent"] == self._NONE)
+        roots = np.flatnonzero(elements["parent"] == NO_ELEMENT)
         # With fragments a polygon may have several roots.
         whole = np.bincount(polygon[roots], elements["area"][roots], len(scene["object"]))
         self._areas = whole[:fronts]

@@ -34,6 +34,8 @@ UpAxis: TypeAlias = Literal["y", "z"]
 
 _Vector: TypeAlias = tuple[float, float, float]
 
+#: Weights of linear red, green and blue in luminance (Rec. 709 primaries, D65 white).
+LUMINANCE = (0.2126, 0.7152, 0.0722)
 #: What the extension reads itself; other suffixes are left to trimesh.
 OWN_SUFFIXES = (".glb", ".gltf", ".obj")
 
@@ -65,8 +67,7 @@ class Material:
 
 def luminance(bands: Bands) -> float:
     """Luminance-weighted mean of linear RGB bands (Rec. 709 primaries, D65 white)."""
-    red, green, blue = bands
-    return 0.2126 * red + 0.7152 * green + 0.0722 * blue
+    return LUMINANCE[0] * bands[0] + LUMINANCE[1] * bands[1] + LUMINANCE[2] * bands[2]
 
 
 def total_power(bands: Bands, unit: Unit) -> float:

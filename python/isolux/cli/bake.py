@@ -120,8 +120,7 @@ def bake(
             "threads": threads,
         }
         given = {name: value for name, value in options.items() if value is not None}
-        run = _both if to == "both" else _lightmap
-        return run(solution, out, exposure, given, json, progress)
+        return _lightmap(solution, out, exposure, given, json, progress, both=to == "both")
     maps_only = {
         "--texels-per-metre": texels_per_metre,
         "--size": size,
@@ -156,69 +155,50 @@ def _lightmap(
     options: dict[str, Any],
     json: str | None,
     progress: ProgressMode,
+    *,
+    both: bool,
 ) -> int:
-    """Bake lightmaps; tell what was written, and what is not as it was asked for."""
-    targets = Targets(solution, options.get("scene"))
-    targets.check(out, (".glb",))
-    _check_maps(targets, out, options, json)
-    with interrupts():
-        opened = isolux.open(solution)
-        factor = exposure_factor(exposure, opened.exposure)
-        with showing(progress) as hear:
-            manifest = opened.bake_lightmap(out, exposure=factor, progress=hear, **options)
-    _tell_of_maps(manifest)
-    if not write_json(json, {"output": str(out), **manifest}):
-        say(f"wrote {out} and {_maps(manifest)}")
-    return 0
+    """Bake lightmaps; tell what was written, and what is not as it was asked for.
 
-
-def _both(
-    solution: Path,
-    out: Path,
-    exposure: str | None,
-    options: dict[str, Any],
-    json: str | None,
-    progress: ProgressMode,
-) -> int:
-    """Bake a file with lit vertices and one with lightmaps; both appear, or none.
-
-    They are two, for what shows both kinds of light multiplies them.
+    `both`: beside a file with lit vertices, which has the name that was asked for. They are two, for what
+    shows both kinds of light multiplies them; both appear, or none.
     """
     from isolux.lightmap import bake as bake_lightmap  # noqa: PLC0415 (see `Solution.bake_lightmap`)
 
-    mapped = out.with_name(f"{out.stem}-lightmap{out.suffix}")
+    mapped = out.with_name(f"{out.stem}-lightmap{out.suffix}") if both else out
     targets = Targets(solution, options.get("scene"))
     targets.check(out, (".glb",))
-    targets.check(mapped, (".glb",))
+    if both:
+        targets.check(mapped, (".glb",))
     _check_maps(targets, mapped, options, json)
     with interrupts():
         opened = isolux.open(solution)
         factor = exposure_factor(exposure, opened.exposure)
-        with tempfile.TemporaryDirectory(dir=out.parent, prefix=".isolux-", suffix=".tmp") as folder:
-            lit = Path(folder) / out.name
+        lit = {}
+        if both:
             with showing(progress) as hear:
-                opened.bake(
-                    lit,
-                    exposure=factor,
-                    gather=options.get("gather"),
-                    threads=options["threads"],
-                    progress=hear,
-                )
-            contents = lit.read_bytes()
+                given = {name: options.get(name) for name in ("gather", "threads")}
+                lit[out] = _lit(opened, out, exposure=factor, progress=hear, **given)
         with showing(progress) as hear:
-            manifest = bake_lightmap(
-                opened, mapped, exposure=factor, progress=hear, beside={out: contents}, **options
-            )
-    _tell_of_maps(manifest)
-    values = {
-        "output": str(out),
-        "exposure": factor,
-        "lightmap": {"output": str(mapped), **manifest},
-    }
+            manifest = bake_lightmap(opened, mapped, exposure=factor, progress=hear, beside=lit, **options)
+    for note in manifest["notes"]:
+        say(f"note: {note}")
+    values = {"output": str(mapped), **manifest}
+    if both:
+        values = {"output": str(out), "exposure": factor, "lightmap": values}
     if not write_json(json, values):
-        say(f"wrote {out} with lit vertices (exposure {factor:.4g})")
+        if both:
+            say(f"wrote {out} with lit vertices (exposure {factor:.4g})")
         say(f"wrote {mapped} and {_maps(manifest)}")
     return 0
+
+
+def _lit(opened: isolux.Solution, out: Path, **options: Any) -> bytes:  # noqa: ANN401 (those of `Solution.bake`)
+    """Bytes of a file with lit vertices, made on the disk that it is for."""
+    with tempfile.TemporaryDirectory(dir=out.parent, prefix=".isolux-", suffix=".tmp") as folder:
+        lit = Path(folder) / out.name
+        opened.bake(lit, **options)
+        return lit.read_bytes()
 
 
 def _check_maps(targets: Targets, out: Path, options: dict[str, Any], json: str | None) -> None:
@@ -230,12 +210,6 @@ def _check_maps(targets: Targets, out: Path, options: dict[str, Any], json: str 
     targets.check_json(json)
     if scene is not None and scene.suffix.lower() not in (".glb", ".gltf"):
         raise typer.BadParameter(f"{scene} is neither .glb nor .gltf: leave it out", param_hint="--scene")
-
-
-def _tell_of_maps(manifest: dict[str, Any]) -> None:
-    """What is not as it was asked for."""
-    for note in manifest["notes"]:
-        say(f"note: {note}")
 
 
 def _maps(manifest: dict[str, Any]) -> str:

@@ -16,6 +16,7 @@ import typer
 
 import isolux
 from isolux import _isolux
+from isolux._arrays import NO_ELEMENT
 from isolux.cli.options import (
     ErrorOption,
     Jobs,
@@ -33,7 +34,7 @@ from isolux.cli.reading import Reading, load_scene, reads_scene
 from isolux.cli.solving import ending, solved, tell_of
 from isolux.cli.targets import SCENES_AND_PICTURES, Targets, write_json
 from isolux.cli.terminal import interrupts, say
-from isolux.scene import OWN_SUFFIXES
+from isolux.scene import LUMINANCE, OWN_SUFFIXES
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -48,10 +49,6 @@ __all__ = ["live", "view"]
 _OF_SCENES = "Of a scene"
 #: Bytes that many mail servers take.
 _MAILED = 20_000_000
-#: Weights of red, green and blue in luminance (Rec. 709).
-_LUMINANCE = (0.2126, 0.7152, 0.0722)
-#: What is no element's parent.
-_NONE = 0xFFFF_FFFF
 #: Exposed radiance below which a screen of 8 bits shows 0: half a code on the straight part of sRGB.
 _BLACK = 0.5 / 255.0 / 12.92
 #: Light that counts, of the mean: what hardly any reaches is black for another reason.
@@ -193,12 +190,11 @@ def _export(
 
 def _tell_of_black(solution: isolux.Solution) -> None:
     """Say which objects stay black in all light, where most of a model does: no exposure shows them."""
-    _, arrays = solution._inner.scene_record()
     elements = solution.elements
-    root = elements["parent"] == _NONE
-    area, of = elements["area"][root], arrays["scene/object"][elements["polygon"][root]]
-    shown = solution.exposure / math.pi * (elements["radiosity"][root] @ _LUMINANCE)
-    arrives = elements["irradiance"][root] @ _LUMINANCE
+    root = elements["parent"] == NO_ELEMENT
+    area, of = elements["area"][root], solution._group("scene")["object"][elements["polygon"][root]]
+    shown = solution.exposure / math.pi * (elements["radiosity"][root] @ LUMINANCE)
+    arrives = elements["irradiance"][root] @ LUMINANCE
     lit = arrives > _LIT * float(np.average(arrives, weights=area))
     black = lit & (shown < _BLACK)
     if area[black].sum() <= 0.5 * area[lit].sum():
