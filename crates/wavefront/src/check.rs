@@ -7,7 +7,7 @@ use crate::geometry::{Element, Geometry, NONE};
 use crate::lamps::at_place;
 use crate::light::{Bands, Field, Light, bands, mean_over, rms};
 use crate::rays::{Packet, RAYS, even_point_of};
-use crate::read::{quadrant, shares_at};
+use crate::read::{Reader, quadrant};
 use crate::receiver::Receiver;
 use crate::rounds::Transport;
 use crate::sky::{Care, Parts, at_point};
@@ -279,13 +279,14 @@ pub(crate) fn check(transport: &Transport, light: &Light, error: f64, seed: u64,
     let emitters = Emitters::new(geometry, elements, |_| true);
     let count = points.unwrap_or_else(|| points_of(elements.len()));
     let enough = enough_of_sky(error, light.scale, count);
+    let reader = Reader::new(geometry, elements);
     let points: Vec<Point> = at_points(transport, seed ^ 0x636865636b, count, |place, stream| {
         let Place { polygon, point } = place;
-        let solved = crate::read::field_at(geometry, elements, light, polygon, point);
+        let solved = reader.field_at(light, polygon, point);
         let rays = rays.where_bright(solved.iter().sum::<f32>() / 3.0 / light.scale);
         let emitters = emitters.seen_from(place, rays.ratio(), geometry, elements);
         let gather = |stream: &mut Stream| {
-            let mut sum = over_hemisphere(place, rays.side, geometry, elements, light, &emitters, stream);
+            let mut sum = over_hemisphere(place, rays.side, geometry, &reader, light, &emitters, stream);
             let direct = emitted(place, rays.to_lights, geometry, elements, &emitters, stream);
             (0..3).for_each(|band| sum[band] += direct[band]);
             sum
@@ -431,6 +432,7 @@ pub(crate) fn check_groups(
     let emitters =
         |group: usize| Emitters::new(geometry, elements, |polygon| group_of[polygon as usize] as usize == group);
     let emitters: Vec<Emitters> = (0..columns.len()).map(emitters).collect();
+    let reader = Reader::new(geometry, elements);
     let mut row_of = vec![NONE; elements.len()];
     let leaves = (0..elements.len()).filter(|&index| elements[index].first_child == NONE);
     leaves.zip(0..).for_each(|(leaf, row)| row_of[leaf] = row);
@@ -447,7 +449,7 @@ pub(crate) fn check_groups(
         if control.is_stopped() {
             return None;
         }
-        let (leaf, shares) = shares_at(geometry, elements, place.polygon, place.point);
+        let (leaf, shares) = reader.shares_at(place.polygon, place.point);
         let solved: Vec<Bands> = columns.iter().map(|column| value(column, leaf, &shares)).collect();
         let brightness = solved.iter().map(|solved| solved.iter().sum::<f32>() / 3.0);
         let times = |(value, mean): (f32, &f32)| (value / (BRIGHT * mean)).clamp(1.0, MOST_TIMES);
@@ -477,7 +479,7 @@ pub(crate) fn check_groups(
             let mut hits = Vec::with_capacity(side * side);
             let share = 1.0 / (side * side) as f32;
             each_direction(place, side, geometry, stream, |met| {
-                let (leaf, shares) = shares_at(geometry, elements, met.polygon, met.place);
+                let (leaf, shares) = reader.shares_at(met.polygon, met.place);
                 let field = &light.field[leaf];
                 let counts = std::array::from_fn(|band| {
                     let all: f32 = (0..5).map(|k| shares[k] * field[k][band]).sum();
@@ -703,14 +705,14 @@ fn over_hemisphere(
     from: Place,
     side: usize,
     geometry: &Geometry,
-    elements: &[Element],
+    reader: &Reader,
     light: &Light,
     emitters: &Choice<'_>,
     stream: &mut Stream,
 ) -> Bands {
     let mut sum = [0.0_f32; 3];
     each_direction(from, side, geometry, stream, |met| {
-        let field = crate::read::field_at(geometry, elements, light, met.polygon, met.place);
+        let field = reader.field_at(light, met.polygon, met.place);
         let surface = &geometry.surfaces[met.polygon as usize];
         let (counts, solid) = (met.by_direction(emitters), met.solid(geometry));
         for band in 0..3 {

@@ -10,7 +10,7 @@ use crate::control::Control;
 use crate::geometry::NONE;
 use crate::lamps::{ALL_ONLY, lit_leaves};
 use crate::light::{Field, Light, bands, mean_over};
-use crate::solve::{Solved, settle};
+use crate::solve::{Before, Solved, settle};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -113,7 +113,7 @@ impl Solved {
         light.settle(&transport.links, self.limit, &transport.evaluator());
         // What each lamp throws is found at the leaves before shares of what is reflected go around.
         light.settle(&transport.links, self.limit, &transport.evaluator());
-        settle(&mut light, transport, self.limit, geometry.scene.area(), error, control);
+        settle(&mut light, transport, self.limit, geometry.scene.area(), error, Before::Unknown, control);
         let column = |group| {
             let leaves = light.field.iter().zip(&transport.elements).filter(|(_, element)| element.first_child == NONE);
             leaves.map(|(field, _)| field.each_ref().map(|at| bands(at, group))).collect()

@@ -6,29 +6,78 @@ use crate::light::{Bands, Field, Light};
 use crate::link::MIDDLE;
 use glam::{DVec3, Vec3};
 use isolux_core::solution::bilinear_coordinates;
+use rayon::prelude::*;
 
-/// Irradiance at a point of a polygon, in the middle's coordinates.
-pub(crate) fn field_at(geometry: &Geometry, elements: &[Element], light: &Light, polygon: u32, point: Vec3) -> Bands {
-    let (leaf, place) = leaf_at(geometry, elements, polygon, point);
-    place.value(&light.field[leaf])
+/// Finds the leaves that hold points, for many points: all that it looks at on the way down lies close together.
+pub(crate) struct Reader {
+    /// Of each element the first quarter, or [`NONE`].
+    first_child: Vec<u32>,
+    /// Corners by polygon: three or four.
+    counts: Vec<u8>,
+    maps: Vec<Map>,
 }
 
-/// The leaf that holds a point of a polygon, and what the irradiance there has of each value of the leaf's field, as long as
-/// it is above nothing.
-pub(crate) fn shares_at(geometry: &Geometry, elements: &[Element], polygon: u32, point: Vec3) -> (usize, [f32; 5]) {
-    let (leaf, place) = leaf_at(geometry, elements, polygon, point);
-    (leaf, place.shares())
+/// Takes points of a polygon to coordinates along two of its sides.
+enum Map {
+    /// Of a triangle or a parallelogram: from a corner, along both sides from there.
+    Affine { corner: Vec3, along: [Vec3; 2] },
+    /// Of another quadrilateral: its corners and its normal.
+    Bilinear([Vec3; 4], Vec3),
 }
 
-fn leaf_at(geometry: &Geometry, elements: &[Element], polygon: u32, point: Vec3) -> (usize, Place) {
-    let normal = geometry.surfaces[polygon as usize].normal.as_dvec3();
-    let mut index = polygon as usize;
-    let corners = elements[index].corners.map(|corner| corner.as_dvec3());
-    let mut place = Place::new(&corners[..elements[index].count as usize], normal, point.as_dvec3());
-    while elements[index].first_child != NONE {
-        index = elements[index].first_child as usize + place.descend();
+impl Reader {
+    pub(crate) fn new(geometry: &Geometry, elements: &[Element]) -> Reader {
+        let first_child = elements.iter().map(|element| element.first_child).collect();
+        let roots = &elements[..geometry.surfaces.len()];
+        let map = |root: &Element| -> Map {
+            if root.lean() != [0.0; 2] {
+                return Map::Bilinear(root.corners, geometry.surfaces[root.polygon as usize].normal);
+            }
+            let [a, b, c, d] = root.corners.map(|corner| corner.as_dvec3());
+            let sides = [b - a, if root.count == 4 { d - a } else { c - a }];
+            let normal = sides[0].cross(sides[1]);
+            // What is 1 along one side and 0 along the other.
+            let along = [sides[1].cross(normal), normal.cross(sides[0])].map(|side| side / normal.length_squared());
+            Map::Affine { corner: root.corners[0], along: along.map(|along| along.as_vec3()) }
+        };
+        Reader {
+            first_child,
+            counts: roots.iter().map(|root| root.count).collect(),
+            maps: roots.par_iter().with_min_len(1024).map(map).collect(),
+        }
     }
-    (index, place)
+
+    /// Irradiance at a point of a polygon, in the middle's coordinates.
+    pub(crate) fn field_at(&self, light: &Light, polygon: u32, point: Vec3) -> Bands {
+        let (leaf, shares) = self.shares_at(polygon, point);
+        let field = &light.field[leaf];
+        std::array::from_fn(|band| (0..5).map(|k| shares[k] * field[k][band]).sum::<f32>().max(0.0))
+    }
+
+    /// The leaf that holds a point of a polygon, and what the irradiance there has of each value of the leaf's field, as long
+    /// as it is above nothing.
+    pub(crate) fn shares_at(&self, polygon: u32, point: Vec3) -> (usize, [f32; 5]) {
+        let mut index = polygon as usize;
+        let mut place = self.place(index, point);
+        while self.first_child[index] != NONE {
+            index = self.first_child[index] as usize + place.descend();
+        }
+        (index, place.shares())
+    }
+
+    fn place(&self, polygon: usize, point: Vec3) -> Place {
+        let [s, t] = match &self.maps[polygon] {
+            Map::Affine { corner, along } => along.map(|along| f64::from(along.dot(point - *corner)).clamp(0.0, 1.0)),
+            Map::Bilinear(corners, normal) => {
+                return Place::new(&corners.map(|corner| corner.as_dvec3()), normal.as_dvec3(), point.as_dvec3());
+            }
+        };
+        if self.counts[polygon] == 4 {
+            return Place::Quadrilateral([s, t]);
+        }
+        let first = (1.0 - s - t).max(0.0);
+        Place::Triangle([first, s, (1.0 - first - s).max(0.0)])
+    }
 }
 
 /// Irradiance of a node at its samples, by the leaves below it, without what lamps throw there.
@@ -174,8 +223,69 @@ pub(crate) fn quadrant(element: &Element, normal: Vec3, point: Vec3) -> usize {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
     use super::*;
+    use crate::rays::even_point_of;
+    use isolux_core::sampling::Stream;
+    use isolux_core::scene::{Alpha, BuildOptions, Face, Material, Object, Scene, SceneInput, Surface};
+    use isolux_core::units::Rgb;
+    use std::sync::Arc;
+
+    /// Catches leaves and places that a reader finds elsewhere than where a point was taken from: on triangles, parallelograms
+    /// and other quadrilaterals, above leaves of different sizes.
+    #[test]
+    fn a_reader_finds_the_leaf_that_holds_a_point() {
+        let shapes: [&[[f64; 3]]; 3] = [
+            &[[0.0, 0.0, 0.0], [3.0, 0.5, 0.0], [0.5, 2.0, 0.0]],
+            &[[0.0, 0.0, 1.0], [3.0, 0.0, 1.0], [3.5, 1.0, 2.0], [0.5, 1.0, 2.0]],
+            &[[0.0, 0.0, 4.0], [2.0, 0.0, 4.0], [2.5, 1.5, 4.0], [0.0, 1.0, 4.0]],
+        ];
+        let surface = Surface { reflectance: Rgb::splat(0.5), emission: Rgb::ZERO, opacity: 1.0 };
+        let material =
+            Material { name: "paint".into(), surface, two_sided: false, alpha: Alpha::Opaque, texture: None };
+        let faces = shapes.iter().map(|corners| {
+            let corners = corners.iter().copied().map(DVec3::from_array).collect();
+            Face { object: 0, material: 0, corners, uv: None, surface: None }
+        });
+        let input = SceneInput {
+            name: "shapes".into(),
+            metres_per_unit: 1.0,
+            objects: vec![Object { name: "thing".into() }],
+            materials: vec![material],
+            faces: faces.collect(),
+            ..SceneInput::default()
+        };
+        let scene = Arc::new(Scene::build(input, &BuildOptions::default()).unwrap());
+        let geometry = Geometry::new(scene);
+        let mut elements = geometry.bare_roots();
+        let mut stream = Stream::new(7);
+        for _ in 0..200 {
+            let parent = (stream.next_unit() * elements.len() as f64) as usize;
+            if elements[parent].first_child == NONE {
+                elements[parent].first_child = elements.len() as u32;
+                let quarters = elements[parent].quarters(parent as u32);
+                elements.extend(quarters);
+            }
+        }
+        let reader = Reader::new(&geometry, &elements);
+        for leaf in (0..elements.len()).filter(|&index| elements[index].first_child == NONE) {
+            let element = &elements[leaf];
+            for _ in 0..8 {
+                // Well within: on a border rounding decides.
+                let place = even_point_of(element, [stream.next_unit() as f32, stream.next_unit() as f32]);
+                let place = place + (element.centre() - place) * 1e-3;
+                let (found, shares) = reader.shares_at(element.polygon, place);
+                assert_eq!(found, leaf, "{place}");
+                let corners = element.corners.map(|corner| corner.as_dvec3());
+                let normal = geometry.surfaces[element.polygon as usize].normal.as_dvec3();
+                let own = Place::new(&corners[..element.count as usize], normal, place.as_dvec3()).shares();
+                // Coordinates are as good as single precision is over the whole, in quarters of quarters.
+                let coarse = 1e-6 * (1_u32 << element.path.depth()) as f32;
+                assert!((0..5).all(|k| (shares[k] - own[k]).abs() < coarse), "{shares:?} {own:?}");
+            }
+        }
+    }
 
     /// Catches shares that are not what a value is made of, on quadrilaterals and triangles.
     #[test]

@@ -14,7 +14,7 @@ use crate::order::Order;
 use crate::outcome::{ClusterColumns, LinkColumns};
 use crate::rounds::Transport;
 use crate::sky::Known;
-use crate::solve::{Solved, settle};
+use crate::solve::{Before, Solved, settle};
 use glam::{DVec3, Vec3};
 use isolux_core::scene::Scene;
 use isolux_core::tree::Elements;
@@ -114,7 +114,7 @@ impl Solved {
     pub fn regathered(mut self, error: f64, control: &Control) -> Solved {
         let Solved { transport, light, geometry, limit, .. } = &mut self;
         light.settle(&transport.links, *limit, &transport.evaluator());
-        settle(light, transport, *limit, geometry.scene.area(), error, control);
+        settle(light, transport, *limit, geometry.scene.area(), error, Before::Unknown, control);
         self
     }
 }

@@ -155,10 +155,10 @@ const IDLE: u32 = 8;
 /// By which power of the permitted error of a link the error falls, at least and at most.
 const POWERS: (f64, f64) = (0.2, 0.5);
 
-/// By which power of what a link is permitted, downwards, the number of elements grows, at least and at most; and how much it
-/// may grow in a stage: what is foreseen for a larger one is not to be relied on.
+/// By which power of what a link is permitted, downwards, the numbers of elements and links grow, at least and at most; and how
+/// much the one that grows faster may grow in a stage: what is foreseen for a larger one is not to be relied on.
 const GROWTHS: (f64, f64) = (0.2, 1.0);
-const MOST_GROWTH: f64 = 4.0;
+const MOST_GROWTH: f64 = 10.0;
 
 /// How many times as many points a further check has.
 const MORE_POINTS: u64 = 4;
@@ -261,13 +261,15 @@ impl Prepared {
             settled = leaf_limit(limit);
             // Where refinement goes on, light needs to be known no better than links are.
             let coarse = stages.last().map_or(FIRST_AIM, |last| last.by_links / SLACK).max(request.error);
-            let mut passes = settle(&mut light, &transport, settled, area, coarse, control);
+            let known = if stages.is_empty() { Before::Unknown } else { Before::Coarse };
+            let Settled { mut passes, change } = settle(&mut light, &transport, settled, area, coarse, known, control);
             let mut mean = mean_irradiance(&light, scene, &transport);
             let mut left = transport.remaining(&mut light);
             let relative = |square: f64, mean: f64| if mean > 0.0 { (square / area).sqrt() / mean } else { 0.0 };
             let mut by_links = relative(left.sum(), mean);
             if coarse > request.error && (bound.is_some() || by_links <= NEARLY * SLACK * request.error) {
-                let more = settle(&mut light, &transport, settled, area, request.error, control);
+                let known = Before::Settled(change);
+                let more = settle(&mut light, &transport, settled, area, request.error, known, control).passes;
                 passes = [passes[0] + more[0], passes[1] + more[1]];
                 mean = mean_irradiance(&light, scene, &transport);
                 left = transport.remaining(&mut light);
@@ -387,8 +389,9 @@ impl Prepared {
                 fell.clamp(POWERS.0, POWERS.1)
             });
             let growth = stages.windows(2).last().map_or(1.0, |pair| {
-                let grew = (pair[1].elements as f64 / pair[0].elements as f64).ln() / (last_share / share).ln();
-                grew.clamp(GROWTHS.0, GROWTHS.1)
+                let links = |stage: &Stage| (stage.links + stage.dark_links) as f64;
+                let grew = (pair[1].elements as f64 / pair[0].elements as f64).max(links(&pair[1]) / links(&pair[0]));
+                (grew.ln() / (last_share / share).ln()).clamp(GROWTHS.0, GROWTHS.1)
             });
             let least = MOST_GROWTH.powf(-1.0 / growth).min(0.5);
             last_share = share;
@@ -450,54 +453,93 @@ fn leaf_limit(limit: Limit) -> f32 {
     0.25 * limit.error
 }
 
+/// What is known of light before it is settled.
+#[derive(Clone, Copy)]
+pub(crate) enum Before {
+    /// Nothing that leaves could be asked in: links come first.
+    Unknown,
+    /// As coarser links left it. Leaves come first, in today's light: what these links find beyond such light is little, what
+    /// leaves once found beyond coarser links is not what they find beyond these.
+    Coarse,
+    /// Settled over these links to some error, with what the last gather at the leaves changed.
+    Settled(f64),
+}
+
+/// How light was settled.
+#[derive(Clone, Copy)]
+pub(crate) struct Settled {
+    /// Gathers over links and at leaves.
+    pub(crate) passes: [u32; 2],
+    /// What the last gather at the leaves changed, RMS relative to the mean, of the group of which that was most.
+    pub(crate) change: f64,
+}
+
 /// Gathers over the links and at the leaves by turns until what a further gather at the leaves would change is little, of all
-/// light and of that of each group, or so many times; the numbers of both. What gathers at the leaves find beyond the links
-/// stays as those over the links go on. `limit`: area times squared error that one source may leave on a leaf.
+/// light and of that of each group, or so many times. What gathers at the leaves find beyond the links stays as those over the
+/// links go on. `limit`: area times squared error that one source may leave on a leaf.
 pub(crate) fn settle<const C: usize>(
     light: &mut Light<C>,
     transport: &Transport,
     limit: f32,
     area: f64,
     error: f64,
+    before: Before,
     control: &Control,
-) -> [u32; 2] {
-    let mut passes = converge(light, transport, PASS_SHARE * error, control);
-    let mut settles = 0;
-    if !transport.ideas.leaves_anew {
-        return [passes, settles];
+) -> Settled {
+    let is_little = |change: f64| LEFT_BY_SETTLE * change < SETTLE_SHARE * error;
+    let evaluator = transport.evaluator();
+    let asked_last = match before {
+        Before::Settled(change) => Some(change),
+        Before::Unknown | Before::Coarse => None,
+    };
+    let links_only = !transport.ideas.leaves_anew || asked_last.is_some_and(is_little);
+    let mut passes = 0;
+    if links_only || matches!(before, Before::Unknown) {
+        passes += converge(light, transport, PASS_SHARE * error, control);
+    } else {
+        light.pull(evaluator.geometry, evaluator.clusters, evaluator.elements, evaluator.order);
     }
+    if links_only {
+        return Settled { passes: [passes, 0], change: asked_last.unwrap_or(0.0) };
+    }
+    let mut settles = 0;
     loop {
         let before = light.radiosity.clone();
-        light.settle(&transport.links, limit, &transport.evaluator());
+        light.settle(&transport.links, limit, &evaluator);
         settles += 1;
-        // Of each group the square of its change, and the sum of its light.
-        let parts: Vec<Vec<[f64; 2]>> = (transport.elements.par_chunks(SUMMED))
-            .zip(light.radiosity.par_chunks(SUMMED))
-            .zip(before.par_chunks(SUMMED))
-            .map(|((elements, now), before)| {
-                let mut sums = vec![[0.0; 2]; C / 3];
-                let leaves = elements.iter().zip(now).zip(before).filter(|((e, _), _)| e.first_child == NONE);
-                for ((element, now), before) in leaves {
-                    for (group, [change, sum]) in sums.iter_mut().enumerate() {
-                        let (now, before, area) = (rms(bands(now, group)), rms(bands(before, group)), element.area);
-                        *change += f64::from(area * (now - before) * (now - before));
-                        *sum += f64::from(area * now);
-                    }
-                }
-                sums
-            })
-            .collect();
-        let relative = |group: usize| {
-            let [change, sum] =
-                parts.iter().fold([0.0; 2], |[change, sum], part| [change + part[group][0], sum + part[group][1]]);
-            if sum > 0.0 { (change / area).sqrt() / (sum / area) } else { 0.0 }
-        };
-        let relative = (0..C / 3).map(relative).fold(0.0, f64::max);
+        let change = changed(light, &before, transport, area);
         passes += converge(light, transport, PASS_SHARE * error, control);
-        if LEFT_BY_SETTLE * relative < SETTLE_SHARE * error || settles >= MOST_SETTLES || control.is_stopped() {
-            return [passes, settles];
+        if is_little(change) || settles >= MOST_SETTLES || control.is_stopped() {
+            return Settled { passes: [passes, settles], change };
         }
     }
+}
+
+/// By how much radiosities of leaves are others than `before`, RMS relative to the mean, of the group of which that is most.
+fn changed<const C: usize>(light: &Light<C>, before: &[[f32; C]], transport: &Transport, area: f64) -> f64 {
+    // Of each group the square of its change, and the sum of its light.
+    let parts: Vec<Vec<[f64; 2]>> = (transport.elements.par_chunks(SUMMED))
+        .zip(light.radiosity.par_chunks(SUMMED))
+        .zip(before.par_chunks(SUMMED))
+        .map(|((elements, now), before)| {
+            let mut sums = vec![[0.0; 2]; C / 3];
+            let leaves = elements.iter().zip(now).zip(before).filter(|((e, _), _)| e.first_child == NONE);
+            for ((element, now), before) in leaves {
+                for (group, [change, sum]) in sums.iter_mut().enumerate() {
+                    let (now, before, area) = (rms(bands(now, group)), rms(bands(before, group)), element.area);
+                    *change += f64::from(area * (now - before) * (now - before));
+                    *sum += f64::from(area * now);
+                }
+            }
+            sums
+        })
+        .collect();
+    let relative = |group: usize| {
+        let [change, sum] =
+            parts.iter().fold([0.0; 2], |[change, sum], part| [change + part[group][0], sum + part[group][1]]);
+        if sum > 0.0 { (change / area).sqrt() / (sum / area) } else { 0.0 }
+    };
+    (0..C / 3).map(relative).fold(0.0, f64::max)
 }
 
 /// Gathers until what further passes would change is below `error` of the mean, of all light and of that of each group;

@@ -132,10 +132,14 @@ fn leaves_keep_within_the_bounds() {
 /// divided without end, and what is claimed stays where it is.
 #[test]
 fn links_that_no_more_rays_are_sent_for_are_split() {
-    let solved = Prepared::new(shaded_square()).solve(&Request::new(0.02), &Control::default());
-    let elements = solved.stages.last().unwrap().elements;
-    assert_eq!(solved.bound, None);
-    assert!(solved.estimate.unwrap().total <= 0.02, "{:?}", solved.estimate);
-    // Measured 1,044. With such links kept, 0.069 was claimed however many there were.
-    assert!(elements < 1100, "{elements}");
+    let prepared = Prepared::new(shaded_square());
+    let mut all = 0;
+    for seed in 0..4 {
+        let solved = prepared.solve(&Request { seed, ..Request::new(0.02) }, &Control::default());
+        assert_eq!(solved.bound, None, "{seed}");
+        assert!(solved.estimate.unwrap().total <= 0.02, "{seed}: {:?}", solved.estimate);
+        all += solved.stages.last().unwrap().elements;
+    }
+    // Where a stage ends is chance: measured 380 to 1,440. With such links kept, 0.069 was claimed however many there were.
+    assert!(all / 4 < 1100, "{all}");
 }
