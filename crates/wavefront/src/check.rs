@@ -48,6 +48,8 @@ pub struct Found {
     pub error: f64,
     /// Standard error of the square of `error`.
     pub square_error: f64,
+    /// Share of its square that more rays from each point would take away: the rest is that points are a sample.
+    pub by_rays: f64,
 }
 
 /// What rays found.
@@ -210,9 +212,9 @@ impl Rays {
 
     /// Where there is so many times the mean irradiance, up to so many times as many rays: noise is a share of what arrives, its
     /// square goes into a mean over all points, and one place within a lamp's shade would hold all of that mean's own error.
-    fn where_bright(self, times: f32) -> Rays {
+    fn where_bright(self, times: f32, sides: f32) -> Rays {
         // Where there is no light there is no mean.
-        self.times(if times > 1.0 { times.min(MOST_RAYS).sqrt() } else { 1.0 })
+        self.times(if times > 1.0 { times.min(MOST_RAYS).sqrt() } else { 1.0 }.max(sides))
     }
 
     /// So many times as many strata a side.
@@ -271,19 +273,41 @@ fn at_points<T: Send>(
         .collect()
 }
 
-/// Compares irradiances with what rays bring, at points spread over all fronts; so many as the elements ask for, unless
-/// their number is given.
-pub(crate) fn check(transport: &Transport, light: &Light, error: f64, seed: u64, points: Option<usize>) -> Check {
+/// How much a check looks at.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Effort {
+    /// So many points, or as many as the elements ask for.
+    pub(crate) points: Option<usize>,
+    /// How many times as many strata a side as the asked error calls for at least.
+    pub(crate) sides: f32,
+}
+
+impl Effort {
+    /// About four times as many rays, where they tell most: from each point, where what they leave to chance holds most of the
+    /// standard error, whose part in it falls with their number, or from more points, with whose number's root all of it falls.
+    pub(crate) fn more(self, found: &Check, by_rays: f64) -> Effort {
+        if by_rays > BY_RAYS && self.sides < MOST_RAYS.sqrt() {
+            return Effort { sides: 2.0 * self.sides, ..self };
+        }
+        Effort { points: Some(4 * found.points), ..self }
+    }
+}
+
+/// Share of chance in rays from which on more rays from each point lower a standard error more than as many from others.
+const BY_RAYS: f64 = 0.5;
+
+/// Compares irradiances with what rays bring, at points spread over all fronts.
+pub(crate) fn check(transport: &Transport, light: &Light, error: f64, seed: u64, effort: Effort) -> Check {
     let (geometry, elements) = (&*transport.geometry, &transport.elements[..]);
     let rays = Rays::new(error);
     let emitters = Emitters::new(geometry, elements, |_| true);
-    let count = points.unwrap_or_else(|| points_of(elements.len()));
+    let count = effort.points.unwrap_or_else(|| points_of(elements.len()));
     let enough = enough_of_sky(error, light.scale, count);
     let reader = Reader::new(geometry, elements);
     let points: Vec<Point> = at_points(transport, seed ^ 0x636865636b, count, |place, stream| {
         let Place { polygon, point } = place;
         let solved = reader.field_at(light, polygon, point);
-        let rays = rays.where_bright(solved.iter().sum::<f32>() / 3.0 / light.scale);
+        let rays = rays.where_bright(solved.iter().sum::<f32>() / 3.0 / light.scale, effort.sides);
         let emitters = emitters.seen_from(place, rays.ratio(), geometry, elements);
         let gather = |stream: &mut Stream| {
             let mut sum = over_hemisphere(place, rays.side, geometry, &reader, light, &emitters, stream);
@@ -328,7 +352,7 @@ fn measured(
         let mean = indices.iter().map(|&index| f64::from(brightness[index])).sum::<f64>() / count;
         // Where nothing arrives, nothing can lack a share of it.
         let scale = if mean > 0.0 { mean } else { 1.0 };
-        let squares = |values: &dyn Fn(usize) -> [Bands; 2]| -> (f64, f64) {
+        let squares = |values: &dyn Fn(usize) -> [Bands; 2]| -> (f64, f64, f64) {
             let square = |&index: &usize| {
                 let [one, other] = values(index);
                 let known = if with_known { known(index) } else { 0.0 };
@@ -338,11 +362,20 @@ fn measured(
             let squares: Vec<f64> = indices.iter().map(square).collect();
             let mean = squares.iter().sum::<f64>() / count;
             let spread = squares.iter().map(|value| (value - mean) * (value - mean)).sum::<f64>() / count;
-            (mean.max(0.0).sqrt(), (spread / count).sqrt())
+            (mean.max(0.0).sqrt(), (spread / count).sqrt(), squares.iter().map(|value| value * value).sum::<f64>())
         };
-        let (lack, _) = squares(&lacks);
-        let (error, square_error) = squares(&errors);
-        (Found { lack, error, square_error }, mean)
+        // Of two batches that find nothing but noise, normal and of variance v, the product has v² in the mean square, the half of
+        // the squared difference 3 v².
+        let apart = |&index: &usize| {
+            let [one, other] = errors(index);
+            let sum: f64 = (0..3).map(|band| f64::from(one[band] - other[band]).powi(2)).sum();
+            (sum / 6.0 / (scale * scale)).powi(2)
+        };
+        let (lack, ..) = squares(&lacks);
+        let (error, square_error, fourth) = squares(&errors);
+        let noise = indices.iter().map(apart).sum::<f64>() / 3.0;
+        let by_rays = if fourth > 0.0 { (noise / fourth).min(1.0) } else { 0.0 };
+        (Found { lack, error, square_error, by_rays }, mean)
     };
     let (all, mean) = measure(&order, false);
     let (dark, dark_mean) = measure(&order[..order.len() / 2], true);
@@ -768,4 +801,32 @@ fn emitted(
         }
     }
     sum
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Catches a share of rays in what is not known that is none: points where both batches see the same, but each point something
+    /// else, ask for more points; points where they see nothing but noise ask for more rays.
+    #[test]
+    fn what_both_batches_see_is_no_matter_of_rays() {
+        let mut stream = Stream::new(3);
+        // Nearly normal: variance 1.
+        let mut draw = || (0..12).map(|_| stream.next_unit()).sum::<f64>() as f32 - 6.0;
+        let errors: Vec<[[f32; 2]; 2]> = (0..4000).map(|_| [[draw(), draw()], [draw(), draw()]]).collect();
+        let by_rays = |noise: f32| {
+            let error = |point: usize| {
+                let [[own, _], [one, other]] = errors[point];
+                [[own + noise * one; 3], [own + noise * other; 3]]
+            };
+            measured(&vec![[1.0; 3]; errors.len()], error, error, |_| 0.0).all.by_rays
+        };
+        // Without an error of its own a point has the product of both batches' noise alone.
+        let nothing = |point: usize| errors[point].map(|[one, _]| [one; 3]);
+        let noise_alone = measured(&vec![[1.0; 3]; errors.len()], nothing, nothing, |_| 0.0).all.by_rays;
+        assert!(noise_alone > 0.9, "{noise_alone}");
+        assert!(by_rays(0.1) < 0.01, "{}", by_rays(0.1));
+        assert!((0.1..0.5).contains(&by_rays(1.0)), "{}", by_rays(1.0));
+    }
 }

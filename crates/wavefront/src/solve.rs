@@ -1,6 +1,6 @@
 //! Stages of refinement and gathering until independent rays find no more than the error that was asked for.
 
-use crate::check::{Check, Found, check};
+use crate::check::{Check, Effort, Found, check};
 use crate::clusters::Clusters;
 use crate::contacts::{Contacts, mark};
 use crate::control::{Bound, Budget, Control, ELEMENT, LIT, SKY};
@@ -160,8 +160,11 @@ const POWERS: (f64, f64) = (0.2, 0.5);
 const GROWTHS: (f64, f64) = (0.2, 1.0);
 const MOST_GROWTH: f64 = 10.0;
 
-/// How many times as many points a further check has.
-const MORE_POINTS: u64 = 4;
+/// The same where the darker half is what is left: how wrong it is is known less well.
+const MOST_DARK_GROWTH: f64 = 4.0;
+
+/// How many times as many rays a further check has.
+const MORE_RAYS: u64 = 4;
 
 /// Points of a check at most, where few leave too much doubt.
 const MOST_POINTS: usize = 1 << 15;
@@ -244,6 +247,7 @@ impl Prepared {
         // Has there been a check that left nothing but doubt?
         let mut doubted = false;
         let mut last_share = 0.0;
+        let mut effort = Effort { points: None, sides: 1.0 };
         let mut share = FIRST_SHARE * (FIRST_AIM.max(request.error)).powi(2);
         while bound.is_none() {
             control.begin_stage();
@@ -298,7 +302,7 @@ impl Prepared {
             }
             let asked = bound.is_some() || by_links <= SLACK * request.error;
             let begun_check = Instant::now();
-            let mut found = asked.then(|| check(&transport, &light, request.error, request.seed, None));
+            let mut found = asked.then(|| check(&transport, &light, request.error, request.seed, effort));
             // Is it for want of points that the error is not known to be as small as asked? `errors`: so many standard errors of
             // its square may be chance.
             let is_doubted = |found: &Check, errors: f64| {
@@ -313,18 +317,22 @@ impl Prepared {
             if let Some(found) = found.as_mut().filter(|found| is_doubted(found, 1.0)) {
                 let refinement = RAYS as u64 * (transport.evaluated + transport.packets - traced);
                 let has_time = || {
-                    let next = begun_check.elapsed().mul_f64(MORE_POINTS as f64);
+                    let next = begun_check.elapsed().mul_f64(MORE_RAYS as f64);
                     deadline.is_none_or(|deadline| Instant::now() + next <= deadline)
                 };
                 // Refinement may be the cheaper way, but hardly so twice where nothing but doubt is left.
                 let pays = |found: &Check| {
-                    let worth = if doubted && is_doubted(found, 0.0) { MORE_POINTS } else { 1 };
-                    is_doubted(found, 1.0) && MORE_POINTS * found.rays < worth * refinement
+                    let worth = if doubted && is_doubted(found, 0.0) { MORE_RAYS } else { 1 };
+                    is_doubted(found, 1.0) && MORE_RAYS * found.rays < worth * refinement
                 };
                 let was_doubted = is_doubted(found, 0.0);
                 while pays(found) && found.points < MOST_POINTS && has_time() {
-                    let points = MORE_POINTS as usize * found.points;
-                    *found = check(&transport, &light, request.error, request.seed, Some(points));
+                    let dark = request.dark.is_some_and(|asked| claim(found, 0.0, 0.0).dark > MARGIN * asked);
+                    let by_rays = if dark { found.dark.by_rays } else { found.all.by_rays };
+                    let more = effort.more(found, by_rays);
+                    *found = check(&transport, &light, request.error, request.seed, more);
+                    // What points do not tell by themselves they hardly will in a finer solution.
+                    effort.sides = more.sides;
                 }
                 doubted |= was_doubted;
             }
@@ -393,9 +401,15 @@ impl Prepared {
                 let grew = (pair[1].elements as f64 / pair[0].elements as f64).max(links(&pair[1]) / links(&pair[0]));
                 (grew.ln() / (last_share / share).ln()).clamp(GROWTHS.0, GROWTHS.1)
             });
-            let least = MOST_GROWTH.powf(-1.0 / growth).min(0.5);
+            let most = if dark_left { MOST_DARK_GROWTH } else { MOST_GROWTH };
+            let least = most.powf(-1.0 / growth).min(0.5);
             last_share = share;
-            share *= (AIM * request.error / reached).powf(1.0 / power).clamp(least, 0.5);
+            let all = AIM * request.error / reached;
+            let dark = match (request.dark, now) {
+                (Some(asked), Some(now)) if dark_left => AIM * asked / now.dark,
+                _ => f64::INFINITY,
+            };
+            share *= all.min(dark).powf(1.0 / power).clamp(least, 0.5);
         }
         if bound.is_some() && estimate.is_some_and(|now| now.total <= request.error) && request.dark.is_none() {
             bound = bound.filter(|&bound| bound == Bound::Stop);
