@@ -8,7 +8,7 @@ use crate::ideas::Ideas;
 use crate::link::{CLUSTER, Link, MIDDLE, State};
 use crate::oracle::{SMOOTH, STEP};
 use crate::order::Order;
-use crate::rays::{Jitter, Packet, RAYS, beside_own_point, evenness, point_of, sample};
+use crate::rays::{Jitter, Packet, RAYS, beside_own_point, evenness, place_of, points_at, sample};
 use crate::sight::{Sight, Steps, byte, centre, chance, fit, not_whole, shaded, sight};
 use glam::Vec3;
 use isolux_core::sampling::mix;
@@ -260,22 +260,46 @@ impl Evaluator<'_> {
         let hidden = [self.may_be_hidden(a), self.may_be_hidden(b)];
         // Ends of rays that another face lies on.
         let mut under = [0_u32; 2];
-        for k in 0..RAYS {
-            let [s, t, u, v] = jitter.four();
-            let [e, f, _, _] = if (a | b) & CLUSTER != 0 { jitter.four() } else { [0.0; 4] };
-            let (from, one, place) = sample(a, k, [s, t], e, self.clusters, self.elements, self.geometry);
-            let (to, two, target) = sample(b, pairing(k), [u, v], f, self.clusters, self.elements, self.geometry);
-            let [normal, other] = [one, two].map(|polygon| self.geometry.surfaces[polygon as usize].normal);
-            (starts[k], ends[k]) = (place, target);
-            if hidden[0] || hidden[1] {
-                under[0] |= u32::from(self.is_under(one, from)) << k;
-                under[1] |= u32::from(self.is_under(two, to)) << k;
+        if (a | b) & CLUSTER == 0 {
+            let [x, y] = [a, b].map(|node| &self.elements[node as usize]);
+            for k in 0..RAYS {
+                let [s, t, u, v] = jitter.four();
+                starts[k] = place_in_part(x, k, [s, t], self.geometry);
+                ends[k] = place_in_part(y, pairing(k), [u, v], self.geometry);
             }
-            packet.set(k, from, normal, to, other, tolerance);
-            // Members of a group that other faces lie on altogether are not among those that it speaks of.
-            let counts = |polygon: u32| self.geometry.counted_area(&self.elements[polygon as usize]) > 0.0;
-            if under[0] >> k & 1 == 1 && !counts(one) || under[1] >> k & 1 == 1 && !counts(two) {
-                packet.weights[k] = 0.0;
+            let (from, to) = (points_at(x, &starts), points_at(y, &ends));
+            if hidden[0] || hidden[1] {
+                let at = |points: &[[f32; RAYS]; 3], k: usize| Vec3::from(points.map(|axis| axis[k]));
+                for k in 0..RAYS {
+                    under[0] |= u32::from(self.is_under(x.polygon, at(&from, k))) << k;
+                    under[1] |= u32::from(self.is_under(y.polygon, at(&to, k))) << k;
+                }
+            }
+            packet = Packet::between(from, self.normal(x), &to, self.normal(y), tolerance);
+            let counts = [x, y].map(|element| self.geometry.counted_area(element) > 0.0);
+            for k in 0..RAYS {
+                if under[0] >> k & 1 == 1 && !counts[0] || under[1] >> k & 1 == 1 && !counts[1] {
+                    packet.weights[k] = 0.0;
+                }
+            }
+        } else {
+            for k in 0..RAYS {
+                let [s, t, u, v] = jitter.four();
+                let [e, f, _, _] = jitter.four();
+                let (from, one, place) = sample(a, k, [s, t], e, self.clusters, self.elements, self.geometry);
+                let (to, two, target) = sample(b, pairing(k), [u, v], f, self.clusters, self.elements, self.geometry);
+                let [normal, other] = [one, two].map(|polygon| self.geometry.surfaces[polygon as usize].normal);
+                (starts[k], ends[k]) = (place, target);
+                if hidden[0] || hidden[1] {
+                    under[0] |= u32::from(self.is_under(one, from)) << k;
+                    under[1] |= u32::from(self.is_under(two, to)) << k;
+                }
+                packet.set(k, from, normal, to, other, tolerance);
+                // Members of a group that other faces lie on altogether are not among those that it speaks of.
+                let counts = |polygon: u32| self.geometry.counted_area(&self.elements[polygon as usize]) > 0.0;
+                if under[0] >> k & 1 == 1 && !counts(one) || under[1] >> k & 1 == 1 && !counts(two) {
+                    packet.weights[k] = 0.0;
+                }
             }
         }
         if !self.ideas.weighted_rays {
@@ -387,25 +411,29 @@ impl Evaluator<'_> {
             let turn = self.turn(&mut jitter);
             let (mut seen, mut all) = (0.0, 0.0);
             let mut parts = [[0.0; 3]; 4];
-            let mut packet = Packet::new();
             for first in (0..1_usize << (2 * depth)).step_by(RAYS) {
-                let mut under = 0_u32;
+                let mut starts = [[0.0; 2]; RAYS];
                 for ray in 0..RAYS {
                     let index = first + ray;
                     let [s, t, u, v] = jitter.four();
-                    let part = scattered(index, depth, turn);
-                    let from;
-                    (from, quarters[ray]) = if x.crossed {
+                    (starts[ray], quarters[ray]) = if x.crossed {
                         let place = (index ^ turn) % open.len();
-                        (beside_own_point(x, open[place], [u, v], self.geometry).0, place)
+                        (place_in_part(x, open[place], [u, v], self.geometry), place)
                     } else {
-                        (point_in(x, k, depth, part, [u, v]), part >> (2 * (depth.min(FINEST) - 1)) & 3)
+                        let part = scattered(index, depth, turn);
+                        (place_in(x, k, depth, part, [u, v]), part >> (2 * (depth.min(FINEST) - 1)) & 3)
                     };
-                    let (to, place) = point_of(y, depth, index, [s, t]);
-                    places[ray] = place;
-                    under |= u32::from(hidden && self.is_under(y.polygon, to)) << ray;
-                    packet.set(ray, from, normal, to, other, self.geometry.tolerance);
+                    places[ray] = place_of(y.count, depth, index, [s, t]);
                 }
+                let to = points_at(y, &places);
+                let mut under = 0_u32;
+                if hidden {
+                    for ray in 0..RAYS {
+                        let to = Vec3::from(to.map(|axis| axis[ray]));
+                        under |= u32::from(self.is_under(y.polygon, to)) << ray;
+                    }
+                }
+                let mut packet = Packet::between(points_at(x, &starts), normal, &to, other, self.geometry.tolerance);
                 if !self.ideas.weighted_rays {
                     packet.count_alike();
                 }
@@ -529,18 +557,25 @@ fn open_of(element: &Element, k: usize) -> Vec<usize> {
     parts.into_iter().filter(|part| element.open >> part & 1 == 1).collect()
 }
 
-/// A point of part `index` of the 4^depth parts of a receiver's region `k`.
-fn point_in(element: &Element, k: usize, depth: usize, index: usize, jitter: [f32; 2]) -> Vec3 {
+/// A place in part `index` of the 4^depth parts of a receiver's region `k`.
+#[inline(always)]
+fn place_in(element: &Element, k: usize, depth: usize, index: usize, jitter: [f32; 2]) -> [f32; 2] {
     let depth = depth.min(FINEST);
     let index = index & ((1 << (2 * depth)) - 1);
     match (k, element.count) {
-        (MIDDLE, 4) => {
-            let (point, _) = point_of(element, depth, index, jitter);
-            let centre = element.centre();
-            centre + (point - centre) * 0.5
-        }
-        (MIDDLE, _) => point_of(element, depth + 1, 3 << (2 * depth) | index, jitter).0,
-        _ => point_of(element, depth + 1, k << (2 * depth) | index, jitter).0,
+        (MIDDLE, 4) => place_of(4, depth, index, jitter).map(|along| 0.25 + 0.5 * along),
+        (MIDDLE, _) => place_of(3, depth + 1, 3 << (2 * depth) | index, jitter),
+        (_, count) => place_of(count, depth + 1, k << (2 * depth) | index, jitter),
+    }
+}
+
+/// A place in part `index` of 16 of an element: of one that something stands on, beside the part's own point.
+#[inline(always)]
+fn place_in_part(element: &Element, index: usize, jitter: [f32; 2], geometry: &Geometry) -> [f32; 2] {
+    if element.crossed {
+        beside_own_point(element, index, jitter, geometry).1
+    } else {
+        place_of(element.count, 2, index, jitter)
     }
 }
 
@@ -595,7 +630,7 @@ mod tests {
                 let edge = cut as f32 / 16.0;
                 let mut seen = [0.0_f32; 4];
                 for (index, part) in parts.iter().enumerate() {
-                    let (_, [s, _]) = point_of(&source, 3, index, [0.5; 2]);
+                    let [s, _] = place_of(source.count, 3, index, [0.5; 2]);
                     seen[part >> 4] += if s < edge { 1.0 / 16.0 } else { 0.0 };
                 }
                 let mean = seen.iter().sum::<f32>() / 4.0;

@@ -70,25 +70,52 @@ static SQUARES: LazyLock<[Vec<[f32; 2]>; 5]> = LazyLock::new(|| {
     })
 });
 
-/// A point of part `index` of the 4^depth parts of an element, at `jitter` in [0, 1)² within it, and its coordinates as in
-/// [`crate::link::State::centre`].
+/// Coordinates, as in [`crate::link::State::centre`], of a place in part `index` of the 4^depth parts of an element, at `jitter`
+/// in [0, 1)² within it.
 #[inline(always)]
-pub(crate) fn point_of(element: &Element, depth: usize, index: usize, jitter: [f32; 2]) -> (Vec3, [f32; 2]) {
-    let [a, b, c, d] = element.corners;
-    if element.count == 4 {
+pub(crate) fn place_of(count: u8, depth: usize, index: usize, jitter: [f32; 2]) -> [f32; 2] {
+    if count == 4 {
         let [s, t] = SQUARES[depth][index];
         let side = 1.0 / (1 << depth) as f32;
-        let (s, t) = (s + side * jitter[0], t + side * jitter[1]);
-        (a + (b - a) * s + (d - a) * t + (a - b + c - d) * (s * t), [s, t])
+        [s + side * jitter[0], t + side * jitter[1]]
     } else {
         let [[ab, ac], [bb, bc], [cb, cc]] = PARTS[depth][index];
         let [mut s, mut t] = jitter;
         if s + t > 1.0 {
             (s, t) = (1.0 - s, 1.0 - t);
         }
-        let (beta, gamma) = (ab + (bb - ab) * s + (cb - ab) * t, ac + (bc - ac) * s + (cc - ac) * t);
-        (a + (b - a) * beta + (c - a) * gamma, [beta, gamma])
+        [ab + (bb - ab) * s + (cb - ab) * t, ac + (bc - ac) * s + (cc - ac) * t]
     }
+}
+
+/// What makes the point of an element at a place: corner, two sides, and what a quadrilateral is more than a parallelogram.
+#[inline(always)]
+fn frame(element: &Element) -> [Vec3; 4] {
+    let [a, b, c, d] = element.corners;
+    if element.count == 4 { [a, b - a, d - a, a - b + c - d] } else { [a, b - a, c - a, Vec3::ZERO] }
+}
+
+/// The points of an element at places, per axis.
+#[inline(always)]
+pub(crate) fn points_at(element: &Element, places: &[[f32; 2]; RAYS]) -> [[f32; RAYS]; 3] {
+    let [corner, along, across, twist] = frame(element);
+    let mut points = [[0.0; RAYS]; 3];
+    for (axis, points) in points.iter_mut().enumerate() {
+        let (corner, along, across, twist) = (corner[axis], along[axis], across[axis], twist[axis]);
+        for (point, [s, t]) in points.iter_mut().zip(places) {
+            *point = corner + along * s + across * t + twist * (s * t);
+        }
+    }
+    points
+}
+
+/// A point of part `index` of the 4^depth parts of an element, at `jitter` in [0, 1)² within it, and its coordinates as in
+/// [`crate::link::State::centre`].
+#[inline(always)]
+pub(crate) fn point_of(element: &Element, depth: usize, index: usize, jitter: [f32; 2]) -> (Vec3, [f32; 2]) {
+    let [s, t] = place_of(element.count, depth, index, jitter);
+    let [corner, along, across, twist] = frame(element);
+    (corner + along * s + across * t + twist * (s * t), [s, t])
 }
 
 /// The point of part `index` of 16 at which an element that something stands on is asked, as [`point_of`]: always the same
@@ -141,14 +168,15 @@ pub(crate) fn even_point_of(element: &Element, jitter: [f32; 2]) -> Vec3 {
 /// How many rays of equal weight say as much as one of those that go from a point to evenly spread places of a source: 1 where
 /// the source is far away, less where some of it is much closer than the rest. `normal`, `other`: of the point and the source.
 pub(crate) fn evenness(point: Vec3, normal: Vec3, source: &Element, other: Vec3) -> f32 {
-    let (mut sum, mut squares) = (0.0, 0.0);
-    for part in 0..RAYS {
-        let towards = point_of(source, 2, part, [0.5; 2]).0 - point;
+    let middles = std::array::from_fn(|part| place_of(source.count, 2, part, [0.5; 2]));
+    let points = points_at(source, &middles);
+    let weights: [f32; RAYS] = std::array::from_fn(|k| {
+        let towards = Vec3::new(points[0][k], points[1][k], points[2][k]) - point;
         let square = towards.length_squared();
-        let weight = normal.dot(towards).max(0.0) * (-other.dot(towards)).max(0.0) / (square * square);
-        sum += weight;
-        squares += weight * weight;
-    }
+        normal.dot(towards).max(0.0) * (-other.dot(towards)).max(0.0) / (square * square)
+    });
+    let sum: f32 = weights.iter().sum();
+    let squares: f32 = weights.iter().map(|weight| weight * weight).sum();
     if squares > 0.0 { sum * sum / (RAYS as f32 * squares) } else { 1.0 }
 }
 
@@ -180,6 +208,33 @@ impl Packet {
         self.rays.far[k] = 1.0 - tolerance / fall;
         let carries = rise > tolerance && fall > tolerance;
         self.weights[k] = if carries { rise * fall / (square * square) } else { 0.0 };
+    }
+
+    /// Rays from points of a plane with a normal to points of another, both per axis, as [`Packet::set`] sets one.
+    #[inline(always)]
+    pub(crate) fn between(
+        from: [[f32; RAYS]; 3],
+        normal: Vec3,
+        to: &[[f32; RAYS]; 3],
+        other: Vec3,
+        tolerance: f32,
+    ) -> Packet {
+        let mut packet = Packet::new();
+        packet.rays.origin = from;
+        for k in 0..RAYS {
+            let [x, y, z] = [to[0][k] - from[0][k], to[1][k] - from[1][k], to[2][k] - from[2][k]];
+            let rise = normal.x * x + normal.y * y + normal.z * z;
+            let fall = -(other.x * x + other.y * y + other.z * z);
+            let square = x * x + y * y + z * z;
+            packet.rays.direction[0][k] = x;
+            packet.rays.direction[1][k] = y;
+            packet.rays.direction[2][k] = z;
+            packet.rays.near[k] = tolerance / rise;
+            packet.rays.far[k] = 1.0 - tolerance / fall;
+            let weight = rise * fall / (square * square);
+            packet.weights[k] = if (rise > tolerance) & (fall > tolerance) { weight } else { 0.0 };
+        }
+        packet
     }
 
     /// Gives all rays that carry something the same weight.
