@@ -1,4 +1,4 @@
-//! Nanoseconds for the visibility of one pair by sixteen rays, for first hits, for proofs, and seconds to build.
+//! Nanoseconds for the visibility of one pair by sixteen rays, for each first hit, for proofs, and seconds to build.
 
 #[allow(unreachable_pub, dead_code)]
 mod scenes;
@@ -6,7 +6,7 @@ mod scenes;
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use isolux_simd::bvh::{Bvh8, NoFilter, Primitive, SKIN};
 use isolux_simd::lanes::Backend;
-use scenes::{Patch, Point, Random, cross, dense, dot, packets, pairs, refined, room, triangle};
+use scenes::{Patch, Point, Random, cross, dense, dot, hemispheres, packets, pairs, refined, room, triangle};
 use std::hint::black_box;
 
 const PAIRS: usize = 4096;
@@ -41,6 +41,36 @@ fn visibility(c: &mut Criterion) {
                 b.iter(|| {
                     for rays in &packets {
                         black_box(bvh.closest16(backend, rays, 0xffff));
+                    }
+                });
+            });
+        }
+    }
+}
+
+/// First hits of rays over hemispheres: packets, and their rays one by one.
+fn first_hits(c: &mut Criterion) {
+    let backend = Backend::best();
+    for (name, primitives) in [("room", room()), ("dense", dense())] {
+        let bvh = Bvh8::build(&primitives);
+        for side in [8, 32] {
+            let packets = hemispheres(&primitives, 65_536 / (side * side), side, 5);
+            let mut group = c.benchmark_group(format!("first_hits/{name}/{side}x{side}"));
+            group.throughput(Throughput::Elements(16 * packets.len() as u64));
+            group.bench_function("closest16", |b| {
+                b.iter(|| {
+                    for rays in &packets {
+                        black_box(bvh.closest16(backend, rays, 0xffff));
+                    }
+                });
+            });
+            group.bench_function("closest", |b| {
+                b.iter(|| {
+                    for rays in &packets {
+                        for k in 0..16 {
+                            let [origin, direction] = [rays.origin, rays.direction].map(|v| v.map(|v| v[k]));
+                            black_box(bvh.closest(backend, origin, direction, rays.near[k], rays.far[k]));
+                        }
                     }
                 });
             });
@@ -98,5 +128,5 @@ fn build(c: &mut Criterion) {
     }
 }
 
-criterion_group!(benches, visibility, proofs, build);
+criterion_group!(benches, visibility, first_hits, proofs, build);
 criterion_main!(benches);

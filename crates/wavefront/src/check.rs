@@ -309,18 +309,13 @@ pub(crate) fn check(transport: &Transport, light: &Light, error: f64, seed: u64,
         let solved = reader.field_at(light, polygon, point);
         let rays = rays.where_bright(solved.iter().sum::<f32>() / 3.0 / light.scale, effort.sides);
         let emitters = emitters.seen_from(place, rays.ratio(), geometry, elements);
-        let gather = |stream: &mut Stream| {
-            let mut sum = over_hemisphere(place, rays.side, geometry, &reader, light, &emitters, stream);
-            let direct = emitted(place, rays.to_lights, geometry, elements, &emitters, stream);
-            (0..3).for_each(|band| sum[band] += direct[band]);
-            sum
-        };
         let (lit, known) = of_lamps(place, transport, light);
         let sky = of_sky(place, enough, geometry, stream);
-        let found = [gather(stream), gather(stream)];
+        let reflected = over_hemisphere(place, rays.side, geometry, &reader, light, &emitters, stream);
         let found = [0, 1].map(|batch: usize| {
+            let direct = emitted(place, rays.to_lights, geometry, elements, &emitters, stream);
             let sky = geometry.dome.as_ref().map_or([0.0; 3], |dome| dome.light(sky[batch]));
-            std::array::from_fn(|band| found[batch][band] + lit[band] + sky[band])
+            std::array::from_fn(|band| reflected[batch][band] + direct[band] + lit[band] + sky[band])
         });
         Some(Point { place, found, rays: rays.of_point(), solved, known })
     });
@@ -508,24 +503,24 @@ pub(crate) fn check_groups(
                 sum
             })
         };
-        let gather = |stream: &mut Stream, batch: usize| -> Vec<Bands> {
-            let mut hits = Vec::with_capacity(side * side);
-            let share = 1.0 / (side * side) as f32;
-            each_direction(place, side, geometry, stream, |met| {
-                let (leaf, shares) = reader.shares_at(met.polygon, met.place);
-                let field = &light.field[leaf];
-                let counts = std::array::from_fn(|band| {
-                    let all: f32 = (0..5).map(|k| shares[k] * field[k][band]).sum();
-                    let reflectance = geometry.surfaces[met.polygon as usize].reflectance[band];
-                    if all > 0.0 { share * met.solid(geometry) * reflectance } else { 0.0 }
-                });
-                hits.push(Hit { leaf, shares, counts, met });
+        let share = 1.0 / (side * side) as f32;
+        let mut hits = [const { Vec::new() }; 2];
+        each_direction(place, side, geometry, stream, |batch, met| {
+            let (leaf, shares) = reader.shares_at(met.polygon, met.place);
+            let field = &light.field[leaf];
+            let counts = std::array::from_fn(|band| {
+                let all: f32 = (0..5).map(|k| shares[k] * field[k][band]).sum();
+                let reflectance = geometry.surfaces[met.polygon as usize].reflectance[band];
+                if all > 0.0 { share * met.solid(geometry) * reflectance } else { 0.0 }
             });
+            hits[batch].push(Hit { leaf, shares, counts, met });
+        });
+        let mut gather = |batch: usize| -> Vec<Bands> {
             let lack = |group: usize| -> Bands {
                 let mut sum = emitted(place, own[group].to_lights, geometry, elements, &choices[group], stream);
                 let sky = by_sky(group, batch);
                 (0..3).for_each(|band| sum[band] += lit[group][band] + sky[band]);
-                for hit in &hits {
+                for hit in &hits[batch] {
                     let reflected = value(&columns[group], hit.leaf, &hit.shares);
                     (0..3).for_each(|band| sum[band] += hit.counts[band] * reflected[band]);
                     let polygon = hit.met.polygon as usize;
@@ -539,7 +534,7 @@ pub(crate) fn check_groups(
             };
             (0..columns.len()).map(lack).collect()
         };
-        let lacks = [gather(stream, 0), gather(stream, 1)];
+        let lacks = [gather(0), gather(1)];
         Some(GroupPoint { place, solved, lacks })
     };
     let points = at_points(transport, seed ^ 0x67726f757073, count, look);
@@ -714,26 +709,54 @@ impl Met {
     }
 }
 
-/// Tells where side² rays over the hemisphere end that do not leave the scene.
-fn each_direction(from: Place, side: usize, geometry: &Geometry, stream: &mut Stream, mut tell: impl FnMut(Met)) {
+/// Strata of both batches that one packet holds.
+const STRATA: usize = RAYS / 2;
+
+/// Stratum `index` of side², as row and column: two columns at a time, down the one pair and up the next, so that strata
+/// that follow each other are neighbours.
+fn stratum(index: usize, side: usize) -> [usize; 2] {
+    let pair = index / (2 * side);
+    let wide = (side - 2 * pair).min(2);
+    let within = index - 2 * side * pair;
+    let row = within / wide;
+    [if pair.is_multiple_of(2) { row } else { side - 1 - row }, 2 * pair + within % wide]
+}
+
+/// Tells, batch by batch and ray by ray, where rays over the hemisphere end that do not leave the scene: side² of either
+/// batch. Rays of both through neighbouring strata go in one packet.
+fn each_direction(
+    from: Place,
+    side: usize,
+    geometry: &Geometry,
+    stream: &mut Stream,
+    mut tell: impl FnMut(usize, Met),
+) {
     let Place { polygon, point } = from;
     let normal = geometry.surfaces[polygon as usize].normal;
     let (tangent, bitangent) = normal.any_orthonormal_pair();
-    for stratum in 0..side * side {
-        let u = ((stratum / side) as f64 + stream.next_unit()) / side as f64;
-        let v = ((stratum % side) as f64 + stream.next_unit()) / side as f64;
-        let (radius, (sine, cosine)) = (u.sqrt() as f32, libm::sincosf((2.0 * std::f64::consts::PI * v) as f32));
-        let rise = (1.0 - radius * radius).max(0.0).sqrt();
-        let direction = tangent * (radius * cosine) + bitangent * (radius * sine) + normal * rise;
-        if let Some((polygon, place)) = geometry.look(point, normal, direction, stream) {
-            let fall = -geometry.surfaces[polygon as usize].normal.dot(direction);
-            tell(Met { polygon, place, rise, fall, square: place.distance_squared(point) });
+    for first in (0..side * side).step_by(STRATA) {
+        let count = 2 * (side * side - first).min(STRATA);
+        let (mut directions, mut rises) = ([Vec3::ZERO; RAYS], [0.0; RAYS]);
+        for ray in 0..count {
+            let [row, column] = stratum(first + ray / 2, side);
+            let u = (row as f64 + stream.next_unit()) / side as f64;
+            let v = (column as f64 + stream.next_unit()) / side as f64;
+            let (radius, (sine, cosine)) = (u.sqrt() as f32, libm::sincosf((2.0 * std::f64::consts::PI * v) as f32));
+            rises[ray] = (1.0 - radius * radius).max(0.0).sqrt();
+            directions[ray] = tangent * (radius * cosine) + bitangent * (radius * sine) + normal * rises[ray];
+        }
+        let seen = geometry.look_along(point, normal, &directions[..count], stream);
+        for (ray, seen) in seen.into_iter().enumerate() {
+            let Some((polygon, place)) = seen else { continue };
+            let fall = -geometry.surfaces[polygon as usize].normal.dot(directions[ray]);
+            let square = place.distance_squared(point);
+            tell(ray % 2, Met { polygon, place, rise: rises[ray], fall, square });
         }
     }
 }
 
-/// Irradiance at a point by one batch of side² directions over the hemisphere: what is reflected from there, and the part of
-/// what is emitted that directions tell.
+/// Irradiance at a point by either batch of side² directions over the hemisphere: what is reflected from there, and the part
+/// of what is emitted that directions tell.
 fn over_hemisphere(
     from: Place,
     side: usize,
@@ -742,18 +765,18 @@ fn over_hemisphere(
     light: &Light,
     emitters: &Choice<'_>,
     stream: &mut Stream,
-) -> Bands {
-    let mut sum = [0.0_f32; 3];
-    each_direction(from, side, geometry, stream, |met| {
+) -> [Bands; 2] {
+    let mut sums = [[0.0_f32; 3]; 2];
+    each_direction(from, side, geometry, stream, |batch, met| {
         let field = reader.field_at(light, met.polygon, met.place);
         let surface = &geometry.surfaces[met.polygon as usize];
         let (counts, solid) = (met.by_direction(emitters), met.solid(geometry));
         for band in 0..3 {
             let seen = solid * surface.reflectance[band] * field[band] + counts * surface.emission[band];
-            sum[band] += seen / (side * side) as f32;
+            sums[batch][band] += seen / (side * side) as f32;
         }
     });
-    sum
+    sums
 }
 
 /// Steps of places along both sides of emitters, from ray to ray: powers of the plastic number's inverse, by which places fill
@@ -828,5 +851,22 @@ mod tests {
         assert!(noise_alone > 0.9, "{noise_alone}");
         assert!(by_rays(0.1) < 0.01, "{}", by_rays(0.1));
         assert!((0.1..0.5).contains(&by_rays(1.0)), "{}", by_rays(1.0));
+    }
+
+    /// Catches a stratum that is left out or taken twice where a side is no multiple of two, and packets whose strata are
+    /// no neighbours.
+    #[test]
+    fn every_stratum_is_met_once_and_next_to_the_one_before() {
+        for side in 1..40_usize {
+            let all: Vec<[usize; 2]> = (0..side * side).map(|index| stratum(index, side)).collect();
+            let mut sorted = all.clone();
+            sorted.sort_unstable();
+            let each: Vec<[usize; 2]> = (0..side * side).map(|index| [index / side, index % side]).collect();
+            assert_eq!(sorted, each, "{side}");
+            for pair in all.windows(2) {
+                let apart = [0, 1].map(|axis: usize| pair[0][axis].abs_diff(pair[1][axis]));
+                assert!(apart[0] <= 1 && apart[1] <= 1, "{side}: {pair:?}");
+            }
+        }
     }
 }

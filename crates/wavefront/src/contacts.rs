@@ -5,12 +5,15 @@
 //! one ray tells; an element with one is split until what it may be wrong by does not count.
 
 use crate::clusters::Clusters;
-use crate::geometry::{Element, Geometry, NONE};
+use crate::geometry::{Element, Geometry, NONE, Probes};
 use crate::packed::{Extent, Packed};
-use crate::rays::own_point;
+use crate::rays::{RAYS, own_point};
 use crate::read::quadrant;
 use glam::Vec3;
+use isolux_simd::bvh::Hit;
 use rayon::prelude::*;
+use std::ops::Range;
+use std::sync::LazyLock;
 
 /// A segment in the plane of a polygon.
 type Line = [Vec3; 2];
@@ -220,8 +223,7 @@ fn open_parts(element: &Element, geometry: &Geometry) -> (u16, bool) {
         return (if covered { 0 } else { u16::MAX }, false);
     }
     let own: [Vec3; 16] = std::array::from_fn(|part| own_point(element, part).0);
-    let open =
-        (0..16).fold(0, |open, part| open | u16::from(!is_covered(own[part], element.polygon, geometry)) << part);
+    let open = !covered(&own, element.polygon, geometry);
     let mut lit: Vec<Vec3> = (0..16).filter(|part| open >> part & 1 == 1).map(|part| own[part]).collect();
     let normal = geometry.surfaces[element.polygon as usize].normal;
     let is_divided = |lit: &[Vec3]| {
@@ -256,13 +258,13 @@ fn strips(element: &Element, geometry: &Geometry, lit: &mut Vec<Vec3>) -> u16 {
     for line in geometry.contacts.near(element, geometry.tolerance) {
         let Some([from, to]) = within(element, line, normal, geometry.tolerance) else { continue };
         let aside = normal.cross(to - from).normalize_or_zero() * (BESIDE * geometry.tolerance);
-        for place in PLACES {
-            for side in [aside, -aside] {
-                let point = from + (to - from) * place + side;
-                if is_inside(element, point, normal) && !is_covered(point, element.polygon, geometry) {
-                    open |= 1 << part_at(element, point, normal);
-                    lit.push(point);
-                }
+        let places = PLACES.iter().flat_map(|place| [aside, -aside].map(|side| from + (to - from) * place + side));
+        let places: Vec<Vec3> = places.filter(|&place| is_inside(element, place, normal)).collect();
+        let covered = covered(&places, element.polygon, geometry);
+        for (k, &place) in places.iter().enumerate() {
+            if covered >> k & 1 == 0 {
+                open |= 1 << part_at(element, place, normal);
+                lit.push(place);
             }
         }
     }
@@ -319,17 +321,31 @@ const FIRST: usize = 3;
 /// but backs of surfaces without a lit back, and fronts that see little else themselves, whichever way it looks? Under a
 /// table's top, whose underside may be such a back, it sees out at the sides.
 pub(crate) fn is_covered(point: Vec3, polygon: u32, geometry: &Geometry) -> bool {
-    if geometry.overlaps.on_top(polygon, point).is_some() {
-        return true;
-    }
-    let Some(seen) = look_around(point, polygon, geometry) else { return false };
+    covered(&[point], polygon, geometry) != 0
+}
+
+/// Bit k: point k of up to sixteen of a polygon is covered, as [`is_covered`] says. They look together: rays to one side
+/// from places close to each other meet the same things.
+fn covered(points: &[Vec3], polygon: u32, geometry: &Geometry) -> u16 {
+    let under = |point: Vec3| geometry.overlaps.on_top(polygon, point).is_some();
+    let under = points.iter().enumerate().fold(0, |bits, (k, &point)| bits | u16::from(under(point)) << k);
+    let (doubtful, seen) = look_around(points, !under, polygon, geometry);
+    let inside = (0..points.len()).filter(|&k| doubtful >> k & 1 == 1 && is_inside_solid(&seen[k], geometry));
+    inside.fold(under, |covered, k| covered | 1 << k)
+}
+
+/// Is what a point sees nothing but backs, and fronts that see little else themselves?
+fn is_inside_solid(seen: &[Seen; LOOKS.len()], geometry: &Geometry) -> bool {
     let backs = |seen: &[Seen]| seen.iter().filter(|seen| matches!(seen, Seen::Back)).count();
-    if backs(&seen) < MOST {
+    if backs(seen) < MOST {
         return false;
     }
     let is_out = |seen: &Seen| match *seen {
         Seen::Back => false,
-        Seen::Front(place, side) => look_around(place, side, geometry).is_none_or(|seen| backs(&seen) < MOST),
+        Seen::Front(place, side) => {
+            let (doubtful, seen) = look_around(&[place], 1, side, geometry);
+            doubtful == 0 || backs(&seen[0]) < MOST
+        }
         Seen::Nothing => true,
     };
     let (high, low) = seen.split_at(HIGH);
@@ -337,6 +353,7 @@ pub(crate) fn is_covered(point: Vec3, polygon: u32, geometry: &Geometry) -> bool
 }
 
 /// What a look sees.
+#[derive(Clone, Copy)]
 enum Seen {
     /// The back of something solid.
     Back,
@@ -345,19 +362,66 @@ enum Seen {
     Nothing,
 }
 
-/// What a point sees, look by look; nothing where the first see no back.
-fn look_around(point: Vec3, polygon: u32, geometry: &Geometry) -> Option<Vec<Seen>> {
+/// What those of up to sixteen points of a polygon see, look by look, that `among` has a bit of; and bits of those that see
+/// a back in the first looks. Others look no further.
+fn look_around(points: &[Vec3], among: u16, polygon: u32, geometry: &Geometry) -> (u16, Vec<[Seen; LOOKS.len()]>) {
+    let mut seen = vec![[Seen::Nothing; LOOKS.len()]; points.len()];
+    look(points, among, 0..FIRST, polygon, geometry, &mut seen);
+    let sees_back = |seen: &[Seen; LOOKS.len()]| seen[..FIRST].iter().any(|seen| matches!(seen, Seen::Back));
+    let doubtful = seen.iter().enumerate().fold(0, |bits, (k, seen)| bits | u16::from(sees_back(seen)) << k);
+    look(points, doubtful, FIRST..LOOKS.len(), polygon, geometry, &mut seen);
+    (doubtful, seen)
+}
+
+/// A look as a direction.
+struct Direction {
+    /// Height over the plane, and what is left for the plane's two axes, of a length of 1.
+    rise: f32,
+    along: f32,
+    across: f32,
+}
+
+static DIRECTIONS: LazyLock<[Direction; LOOKS.len()]> = LazyLock::new(|| {
+    LOOKS.map(|(height, turn)| {
+        let ((rise, run), (across, along)) = (libm::sincosf(height), libm::sincosf(turn));
+        Direction { rise, along: run * along, across: run * across }
+    })
+});
+
+/// Finds what some of the [`LOOKS`] see from those of up to sixteen points of a polygon that `among` has a bit of: look by
+/// look, so that rays of a packet are parallel where there are many points.
+fn look(
+    points: &[Vec3],
+    among: u16,
+    looks: Range<usize>,
+    polygon: u32,
+    geometry: &Geometry,
+    seen: &mut [[Seen; LOOKS.len()]],
+) {
     let normal = geometry.surfaces[polygon as usize].normal;
     let (tangent, bitangent) = normal.any_orthonormal_pair();
-    let mut seen = Vec::with_capacity(LOOKS.len());
-    for (index, &(height, turn)) in LOOKS.iter().enumerate() {
-        if index == FIRST && !seen.iter().any(|seen| matches!(seen, Seen::Back)) {
-            return None;
+    let (mut probes, mut rays) = (Probes::new(), [(0, 0, Vec3::ZERO); RAYS]);
+    let mut find = |probes: &mut Probes, rays: &[(usize, usize, Vec3)]| {
+        for (&(look, k, direction), hit) in rays.iter().zip(geometry.first_hits(probes)) {
+            seen[k][look] = seen_along(points[k], direction, hit, geometry);
         }
-        let (across, along) = libm::sincosf(turn);
-        seen.push(look(point, normal, tangent * along + bitangent * across, height, geometry));
+        *probes = Probes::new();
+    };
+    for look in looks {
+        let Direction { rise, along, across } = DIRECTIONS[look];
+        let direction = tangent * along + bitangent * across + normal * rise;
+        for k in (0..points.len()).filter(|k| among >> k & 1 == 1) {
+            rays[probes.count] = (look, k, direction);
+            probes.push(points[k], direction, 2.0 * geometry.tolerance / rise);
+            if probes.count == RAYS {
+                find(&mut probes, &rays);
+            }
+        }
     }
-    Some(seen)
+    if probes.count > 0 {
+        let count = probes.count;
+        find(&mut probes, &rays[..count]);
+    }
 }
 
 /// Most places at which one look goes on from where two single-sided faces lie back to back.
@@ -366,26 +430,21 @@ const MOST_TURNS: usize = 16;
 /// Height of looks that go on from there, radians: that of the low ones.
 const TURNED: f32 = 0.25;
 
-/// What a look sees from a point on a plane with a normal, along a unit vector of the plane and `height` radians above
-/// it.
+/// What a look from a point sees that first hits that.
 ///
 /// Where two single-sided faces lie back to back, the wall of the next room and the side of the next box of a stack
 /// look alike: the front of one, and the black back of the other. There a look goes on, low over that place, until it
 /// sees something else. Between the floors of a house it finds the walls of the storey, in a stack the sides of the
 /// box.
-fn look(point: Vec3, normal: Vec3, along: Vec3, height: f32, geometry: &Geometry) -> Seen {
-    let far = 4.0 * geometry.scene.diameter as f32;
-    let (mut from, mut normal, mut along, mut height) = (point, normal, along, height);
+fn seen_along(point: Vec3, direction: Vec3, hit: Option<Hit>, geometry: &Geometry) -> Seen {
+    let (mut from, mut direction, mut hit) = (point, direction, hit);
+    let (rise, run) = libm::sincosf(TURNED);
     for _ in 0..=MOST_TURNS {
-        let (rise, run) = libm::sincosf(height);
-        let direction = along * run + normal * rise;
-        let start = 2.0 * geometry.tolerance / rise;
-        let hit = geometry.bvh.closest(geometry.backend, from.to_array(), direction.to_array(), start, far);
-        let Some(hit) = hit else { return Seen::Nothing };
-        let polygon = geometry.polygon_of[hit.primitive as usize];
+        let Some(first) = hit else { return Seen::Nothing };
+        let polygon = geometry.polygon_of[first.primitive as usize];
         let front = &geometry.scene.polygons[polygon as usize];
         let solid = front.twin.is_none() && front.mask.is_none() && front.opacity >= 1.0;
-        let place = from + direction * hit.t;
+        let place = from + direction * first.t;
         if !solid {
             return Seen::Front(place, polygon);
         }
@@ -406,10 +465,11 @@ fn look(point: Vec3, normal: Vec3, along: Vec3, height: f32, geometry: &Geometry
             return Seen::Front(place, side);
         }
         from = place;
-        normal = geometry.surfaces[side as usize].normal;
+        let normal = geometry.surfaces[side as usize].normal;
         let flat = direction - normal * normal.dot(direction);
-        along = flat.try_normalize().unwrap_or_else(|| normal.any_orthonormal_vector());
-        height = TURNED;
+        let along = flat.try_normalize().unwrap_or_else(|| normal.any_orthonormal_vector());
+        direction = along * run + normal * rise;
+        hit = geometry.first_hit(from, direction, 2.0 * geometry.tolerance / rise);
     }
     // As far as it went there were rooms without an end.
     Seen::Nothing
@@ -548,6 +608,40 @@ mod tests {
         assert!(near.contains(&true), "{near:?}");
         let corner = floor.quarters(0)[0].quarters(0)[0];
         assert!(!is_on(corner.centre().x, corner.centre().z, &corner));
+    }
+
+    /// Catches an answer that belongs to another of the points that look together, and points under a box that stands on the
+    /// floor that are taken for open because others are.
+    #[test]
+    fn points_that_look_together_are_covered_as_each_is_alone() {
+        // A box without a bottom on a floor.
+        let box_at = |x: f64, z: f64, y: f64| [x, y, z];
+        let (low, high) = (-0.5, 0.5);
+        let geometry = single_sided(&[
+            [[-2.0, 0.0, -2.0], [-2.0, 0.0, 2.0], [2.0, 0.0, 2.0], [2.0, 0.0, -2.0]],
+            [box_at(low, low, 1.0), box_at(low, high, 1.0), box_at(high, high, 1.0), box_at(high, low, 1.0)],
+            [box_at(low, low, 0.0), box_at(low, low, 1.0), box_at(high, low, 1.0), box_at(high, low, 0.0)],
+            [box_at(high, high, 0.0), box_at(high, high, 1.0), box_at(low, high, 1.0), box_at(low, high, 0.0)],
+            [box_at(low, high, 0.0), box_at(low, high, 1.0), box_at(low, low, 1.0), box_at(low, low, 0.0)],
+            [box_at(high, low, 0.0), box_at(high, low, 1.0), box_at(high, high, 1.0), box_at(high, high, 0.0)],
+        ]);
+        let middle = geometry.middle.as_vec3();
+        let mut stream = isolux_core::sampling::Stream::new(3);
+        let mut both = 0;
+        for turn in 0..200 {
+            let mut across = || 1.6 * (stream.next_unit() as f32 - 0.5);
+            let points: Vec<Vec3> = (0..=turn % 16).map(|_| Vec3::new(across(), 0.0, across()) - middle).collect();
+            let covered = covered(&points, 0, &geometry);
+            for (k, &point) in points.iter().enumerate() {
+                let at = point + middle;
+                let is_under = at.x.abs().max(at.z.abs()) < 0.5;
+                assert_eq!(covered >> k & 1 == 1, is_covered(point, 0, &geometry), "{k} of {turn}");
+                assert_eq!(covered >> k & 1 == 1, is_under, "{at}");
+            }
+            assert_eq!(u32::from(covered) >> points.len(), 0);
+            both += usize::from(covered != 0 && covered.count_ones() < points.len() as u32);
+        }
+        assert!(both > 50, "{both}");
     }
 
     /// Catches light behind a skirting board: of the strips of floor and wall that it hides, those close to the line where

@@ -241,3 +241,33 @@ pub fn packets(pairs: &[(Patch, Patch)], seed: u64) -> Vec<Rays<16>> {
     let mut random = Random(seed);
     pairs.iter().map(|(a, b)| packet(a, b, &mut random)).collect()
 }
+
+/// Sixteen rays that leave a point within four by four of `side` by `side` strata of its hemisphere, cosine-weighted; for all
+/// strata of points of primitives that are as likely as they are large.
+pub fn hemispheres(primitives: &[Primitive], points: usize, side: usize, seed: u64) -> Vec<Rays<16>> {
+    let mut random = Random(seed);
+    let mut all = Vec::new();
+    for (patch, _) in pairs(primitives, points, seed) {
+        let unit = |v: Point| v.map(|x| x / dot(v, v).sqrt());
+        let (from, normal, tangent) =
+            (patch.at(random.number(), random.number()), unit(cross(patch.u, patch.v)), unit(patch.u));
+        let bitangent = cross(normal, tangent);
+        for block in 0..(side / 4).pow(2) {
+            let mut rays = Rays::default();
+            for k in 0..16 {
+                let (row, column) = (block / (side / 4) * 4 + k / 4, block % (side / 4) * 4 + k % 4);
+                let [a, b] = [row, column].map(|stratum| (stratum as f32 + random.number()) / side as f32);
+                let ((sine, cosine), rise) = ((std::f32::consts::TAU * b).sin_cos(), (1.0 - a).sqrt());
+                for axis in 0..3 {
+                    rays.origin[axis][k] = from[axis];
+                    let across = cosine * tangent[axis] + sine * bitangent[axis];
+                    rays.direction[axis][k] = a.sqrt() * across + rise * normal[axis];
+                }
+                rays.near[k] = 1e-4 / rise.max(1e-6);
+                rays.far[k] = 100.0;
+            }
+            all.push(rays);
+        }
+    }
+    all
+}

@@ -1,9 +1,9 @@
 //! A single ray in, its first hit out: all eight children of a node at once, all eight primitives of a block at once.
 
+use super::Bvh8;
 use super::build::STACK;
 use super::crossing::{Ray, Surface, cross, three};
 use super::node::{LEAF, NONE, Node};
-use super::{Bvh8, Rays};
 use crate::lanes::{Backend, Lanes, WIDTH, dispatch};
 use std::mem::MaybeUninit;
 
@@ -26,7 +26,7 @@ impl Hit {
 }
 
 /// One ray in all lanes.
-struct Probe<L> {
+pub(super) struct Probe<L> {
     ray: Ray<L>,
     inverse: [L; 3],
     /// Which of [`Node::planes`] the ray enters by along each axis; it leaves by the other.
@@ -35,12 +35,17 @@ struct Probe<L> {
 
 impl<L: Lanes> Probe<L> {
     #[inline(always)]
-    fn new(bvh: &Bvh8, origin: [f32; 3], direction: [f32; 3], near: f32, far: f32) -> Self {
+    pub(super) fn new(bvh: &Bvh8, origin: [f32; 3], direction: [f32; 3], near: f32, far: f32) -> Self {
         let origin = three!(axis => L::splat(origin[axis]));
         let lanes = three!(axis => L::splat(direction[axis]));
         let ray = Ray::new(bvh, origin, lanes, L::splat(near), L::splat(far));
         // Adding 0 makes -0 +0.
-        let inverse = three!(axis => 1.0 / (direction[axis] + 0.0));
+        Probe::of(ray, three!(axis => 1.0 / (direction[axis] + 0.0)))
+    }
+
+    /// `inverse`: one over the direction.
+    #[inline(always)]
+    pub(super) fn of(ray: Ray<L>, inverse: [f32; 3]) -> Self {
         Probe {
             ray,
             inverse: three!(axis => L::splat(inverse[axis])),
@@ -64,6 +69,66 @@ impl<L: Lanes> Probe<L> {
         from.store(&mut t);
         (L::bits(from.le(to)) & node.present, t)
     }
+
+    /// Walks what is below a child that the ray enters at `from`, for what is hit before `hit`.
+    #[inline(always)]
+    pub(super) fn follow(&self, bvh: &Bvh8, child: u32, from: f32, far: f32, hit: &mut Hit) {
+        let mut stack = [const { MaybeUninit::<(u32, f32)>::uninit() }; STACK];
+        stack[0] = MaybeUninit::new((child, from));
+        let mut top = 1;
+        let mut best = if hit.t < far { hit.t } else { far };
+        while top > 0 {
+            top -= 1;
+            // SAFETY: entries below `top` were written when it passed them.
+            let (child, from) = unsafe { stack[top].assume_init() };
+            // Where two primitives are hit at one t, the lower index is the answer, so equals are looked at.
+            if from > best {
+                continue;
+            }
+            if child & LEAF != 0 {
+                let block = &bvh.blocks[(child & !LEAF) as usize];
+                let crossing = cross(&self.ray, &Surface::all(block));
+                let mut bits = L::bits(crossing.mask);
+                if bits == 0 {
+                    continue;
+                }
+                let (mut t, mut u, mut v) = ([0.0; WIDTH], [0.0; WIDTH], [0.0; WIDTH]);
+                crossing.t.div(crossing.det).store(&mut t);
+                crossing.u.div(crossing.det).store(&mut u);
+                crossing.v.div(crossing.det).store(&mut v);
+                while bits != 0 {
+                    let k = bits.trailing_zeros() as usize % WIDTH;
+                    bits &= bits - 1;
+                    let id = block.ids[k];
+                    if t[k] < hit.t || t[k] == hit.t && id < hit.primitive {
+                        *hit = Hit { t: t[k], primitive: id, u: u[k], v: v[k] };
+                    }
+                }
+                best = if hit.t < far { hit.t } else { far };
+                continue;
+            }
+            let node = &bvh.nodes[child as usize];
+            let (mut hits, t) = self.enter(node, L::splat(best));
+            // The nearest on top, by insertion, as a ray meets few children of most nodes.
+            let first = top;
+            while hits != 0 {
+                let k = hits.trailing_zeros() as usize % WIDTH;
+                hits &= hits - 1;
+                let mut at = top;
+                while at > first {
+                    // SAFETY: entries from `first` up to `top` were written below.
+                    let before = unsafe { stack[at - 1].assume_init() };
+                    if before.1 >= t[k] {
+                        break;
+                    }
+                    stack[at] = MaybeUninit::new(before);
+                    at -= 1;
+                }
+                stack[at] = MaybeUninit::new((node.children[k], t[k]));
+                top += 1;
+            }
+        }
+    }
 }
 
 #[inline(always)]
@@ -74,79 +139,10 @@ fn closest_body<L: Lanes>(bvh: &Bvh8, origin: [f32; 3], direction: [f32; 3], nea
     if bvh.nodes.is_empty() || !some {
         return hit;
     }
-    let probe = Probe::<L>::new(bvh, origin, direction, near, far);
-    let mut stack = [const { MaybeUninit::<(u32, f32)>::uninit() }; STACK];
-    stack[0] = MaybeUninit::new((0, near));
-    let mut top = 1;
-    let mut best = far;
-    while top > 0 {
-        top -= 1;
-        // SAFETY: entries below `top` were written when it passed them.
-        let (child, from) = unsafe { stack[top].assume_init() };
-        // Where two primitives are hit at one t, the lower index is the answer, so equals are looked at.
-        if from > best {
-            continue;
-        }
-        if child & LEAF != 0 {
-            let block = &bvh.blocks[(child & !LEAF) as usize];
-            let crossing = cross(&probe.ray, &Surface::all(block));
-            let mut bits = L::bits(crossing.mask);
-            if bits == 0 {
-                continue;
-            }
-            let (mut t, mut u, mut v) = ([0.0; WIDTH], [0.0; WIDTH], [0.0; WIDTH]);
-            crossing.t.div(crossing.det).store(&mut t);
-            crossing.u.div(crossing.det).store(&mut u);
-            crossing.v.div(crossing.det).store(&mut v);
-            while bits != 0 {
-                let k = bits.trailing_zeros() as usize % WIDTH;
-                bits &= bits - 1;
-                let id = block.ids[k];
-                if t[k] < hit.t || t[k] == hit.t && id < hit.primitive {
-                    hit = Hit { t: t[k], primitive: id, u: u[k], v: v[k] };
-                }
-            }
-            best = if hit.t < far { hit.t } else { far };
-            continue;
-        }
-        let node = &bvh.nodes[child as usize];
-        let (mut hits, t) = probe.enter(node, L::splat(best));
-        // The nearest on top, by insertion, as a ray meets few children of most nodes.
-        let first = top;
-        while hits != 0 {
-            let k = hits.trailing_zeros() as usize % WIDTH;
-            hits &= hits - 1;
-            let mut at = top;
-            while at > first {
-                // SAFETY: entries from `first` up to `top` were written below.
-                let before = unsafe { stack[at - 1].assume_init() };
-                if before.1 >= t[k] {
-                    break;
-                }
-                stack[at] = MaybeUninit::new(before);
-                at -= 1;
-            }
-            stack[at] = MaybeUninit::new((node.children[k], t[k]));
-            top += 1;
-        }
-    }
+    Probe::<L>::new(bvh, origin, direction, near, far).follow(bvh, 0, near, far, &mut hit);
     hit
 }
 dispatch!(fn closest(bvh: &Bvh8, origin: [f32; 3], direction: [f32; 3], near: f32, far: f32) -> Hit = closest_body);
-
-#[inline(always)]
-fn closest16_body<L: Lanes>(bvh: &Bvh8, rays: &Rays<16>, active: u32) -> [Hit; 16] {
-    let mut hits = [Hit::NONE; 16];
-    for (k, hit) in hits.iter_mut().enumerate() {
-        if active >> k & 1 != 0 {
-            let origin = three!(axis => rays.origin[axis][k]);
-            let direction = three!(axis => rays.direction[axis][k]);
-            *hit = closest_body::<L>(bvh, origin, direction, rays.near[k], rays.far[k]);
-        }
-    }
-    hits
-}
-dispatch!(fn closest16(bvh: &Bvh8, rays: &Rays<16>, active: u32) -> [Hit; 16] = closest16_body);
 
 impl Bvh8 {
     /// The first primitive that a segment crosses, opaque or not; of several at one t that with the lowest index.
@@ -154,11 +150,5 @@ impl Bvh8 {
     pub fn closest(&self, backend: Backend, origin: [f32; 3], direction: [f32; 3], near: f32, far: f32) -> Option<Hit> {
         let hit = closest(backend, self, origin, direction, near, far);
         (hit.primitive != NONE).then_some(hit)
-    }
-
-    /// [`Bvh8::closest`] for each active ray, [`Hit::NONE`] where there is no hit. The rays need have nothing in common.
-    #[must_use]
-    pub fn closest16(&self, backend: Backend, rays: &Rays<16>, active: u32) -> [Hit; 16] {
-        closest16(backend, self, rays, active)
     }
 }

@@ -28,6 +28,7 @@ mod build;
 mod check;
 mod closest;
 mod crossing;
+mod firsts;
 mod near;
 mod node;
 mod packet;

@@ -5,6 +5,7 @@
 //! no t in common is passed by. Then each ray is tested against the boxes that are left.
 
 use super::build::STACK;
+use super::closest::Probe;
 use super::crossing::{Crossing, Ray, Surface, cross, three};
 use super::node::{Block, LEAF};
 use super::{Bvh8, Rays};
@@ -30,7 +31,7 @@ impl Filter for NoFilter {
 
 /// The packet as a whole: t is 0 at the near ends and 1 at the far ends. Sides 0 to 2 are the lower ones, which meet a box's
 /// upper planes; sides 3 to 5 are the upper ones, which meet the lower planes: side k meets plane `(k + 3) % 6`.
-struct Hull {
+pub(super) struct Hull {
     /// Where a side is at t = 0.
     base: [f32; WIDTH],
     /// One over how far it moves until t = 1.
@@ -51,7 +52,7 @@ const FAR: f32 = 1e18;
 impl Hull {
     /// The hull of the active rays.
     #[inline(always)]
-    fn new<L: Lanes>(packet: &Packet<'_, L>, active: u32) -> Self {
+    pub(super) fn new<L: Lanes>(packet: &Packet<'_, L>, active: u32) -> Self {
         // Lower and negated upper coordinates of near and far ends.
         let none = L::splat(f32::INFINITY);
         let (mut near, mut far) = ([none; WIDTH], [none; WIDTH]);
@@ -102,7 +103,7 @@ impl Hull {
 
     /// The children that the hull meets.
     #[inline(always)]
-    fn meets<L: Lanes>(&self, planes: &[[f32; WIDTH]; 6]) -> u32 {
+    pub(super) fn meets<L: Lanes>(&self, planes: &[[f32; WIDTH]; 6]) -> u32 {
         let (mut from, mut to) = (L::splat(0.0), L::splat(1.0));
         if self.parallel {
             for axis in 0..3 {
@@ -124,11 +125,11 @@ impl Hull {
 }
 
 /// Sixteen rays as two times eight lanes, and one by one.
-struct Packet<'a, L> {
-    rays: [Ray<L>; 2],
+pub(super) struct Packet<'a, L> {
+    pub(super) rays: [Ray<L>; 2],
     /// One over the direction.
-    inverse: [[L; 3]; 2],
-    single: &'a Rays<16>,
+    pub(super) inverse: [[L; 3]; 2],
+    pub(super) single: &'a Rays<16>,
     single_inverse: [[f32; 16]; 3],
     skin: [f32; 16],
     reach: [f32; 16],
@@ -136,10 +137,14 @@ struct Packet<'a, L> {
 
 impl<'a, L: Lanes> Packet<'a, L> {
     #[inline(always)]
-    fn new(single: &'a Rays<16>, rays: [Ray<L>; 2]) -> Self {
+    pub(super) fn new(single: &'a Rays<16>, rays: [Ray<L>; 2]) -> Self {
         let one = L::splat(1.0);
-        let inverse =
-            [three!(axis => one.div(rays[0].direction[axis])), three!(axis => one.div(rays[1].direction[axis]))];
+        // Adding 0 makes -0 +0.
+        let zero = L::splat(0.0);
+        let inverse = [
+            three!(axis => one.div(rays[0].direction[axis].add(zero))),
+            three!(axis => one.div(rays[1].direction[axis].add(zero))),
+        ];
         let (mut skin, mut reach, mut single_inverse) = ([0.0; 16], [0.0; 16], [[0.0; 16]; 3]);
         for half in 0..2 {
             rays[half].skin.store(eight_mut(&mut skin, half));
@@ -163,6 +168,12 @@ impl<'a, L: Lanes> Packet<'a, L> {
             skin: L::splat(self.skin[k]),
             reach: L::splat(self.reach[k]),
         }
+    }
+
+    /// Ray `k` alone.
+    #[inline(always)]
+    pub(super) fn probe(&self, k: usize) -> Probe<L> {
+        Probe::of(self.ray(k), three!(axis => self.single_inverse[axis][k % 16]))
     }
 
     /// The children whose boxes ray `k` meets.
@@ -203,7 +214,7 @@ impl<'a, L: Lanes> Packet<'a, L> {
 
 /// Those of `active` that have a length.
 #[inline(always)]
-fn valid<L: Lanes>(rays: &[Ray<L>; 2], active: u32) -> u32 {
+pub(super) fn valid<L: Lanes>(rays: &[Ray<L>; 2], active: u32) -> u32 {
     active & (L::bits(rays[0].near.lt(rays[0].far)) | L::bits(rays[1].near.lt(rays[1].far)) << WIDTH)
 }
 
@@ -217,7 +228,7 @@ fn crosses<L: Lanes>(rays: &[Ray<L>; 2], block: &Block, lane: usize) -> u32 {
 }
 
 #[inline(always)]
-fn eight_mut(values: &mut [f32; 16], half: usize) -> &mut [f32; WIDTH] {
+pub(super) fn eight_mut(values: &mut [f32; 16], half: usize) -> &mut [f32; WIDTH] {
     &mut values.as_chunks_mut::<WIDTH>().0[half]
 }
 
