@@ -43,16 +43,18 @@ const BETWEEN_SQUARES: f64 = 0.199_824_895_698;
 /// Catches light that is lost or made in closed rooms, and losses where nothing can be lost.
 #[test]
 fn closed_rooms_keep_what_is_emitted() {
-    // Measured 0.0036, 0.0010, -0.0081, -0.0022, -0.0010. An empty room has nothing that hides what it is asked for.
+    // Measured over five seeds, at most: 0.0006, -0.0035, -0.0058, -0.0040, -0.0043; asked for 0.03, the corridor is 0.01 too
+    // dark. An empty room has nothing that hides what it is asked for.
     for (name, most) in
         [("furnace", 0.005), ("two_rooms", 0.01), ("corridor", 0.01), ("lamps", 0.01), ("leaks/contact", 0.01)]
     {
-        let solution = solved(&shipped(name), &asked(0.03));
+        let solution = solved(&shipped(name), &asked(0.02));
         let energy = energy(&solution);
         assert!(energy.imbalance.abs() < most, "{name}: {energy:?}");
         let (escaped, to_backs) = lost(&energy);
-        // One ray of 16,384 may start closer to an edge than what counts as touching, and miss the wall there.
-        assert!(escaped + to_backs < 5e-4, "{name}: {energy:?}");
+        // One ray of 16,384 may start closer to an edge than what counts as touching, and miss the wall there. A bright place's
+        // carries up to 3.5e-4: over eight seeds none or two of them.
+        assert!(escaped + to_backs < 1e-3, "{name}: {energy:?}");
     }
 }
 
