@@ -521,8 +521,9 @@ pub(crate) fn settle<const C: usize>(
         let before = light.radiosity.clone();
         light.settle(&transport.links, limit, &evaluator);
         settles += 1;
-        let change = changed(light, &before, transport, area);
         passes += converge(light, transport, PASS_SHARE * error, control);
+        // With what it makes of all light: where much is reflected, many times what the leaves themselves changed.
+        let change = changed(light, &before, transport, area);
         if is_little(change) || settles >= MOST_SETTLES || control.is_stopped() {
             return Settled { passes: [passes, settles], change };
         }
