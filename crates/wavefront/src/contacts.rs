@@ -510,10 +510,7 @@ fn quarters_of(element: &Element, own: u32, geometry: &Geometry) -> [Element; 4]
 #[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
     use super::*;
-    use isolux_core::DVec3;
-    use isolux_core::scene::{Alpha, BuildOptions, Face, Material, Object, Scene, SceneInput, Surface};
-    use isolux_core::units::Rgb;
-    use std::sync::Arc;
+    use crate::samples::painted;
 
     /// A floor of 4 x 4 about the middle, and a wall that stands on it at x = 0 from z = -1 to z = 1.
     fn floor_and_wall() -> Geometry {
@@ -524,22 +521,8 @@ mod tests {
     }
 
     fn single_sided(faces: &[[[f64; 3]; 4]]) -> Geometry {
-        let surface = Surface { reflectance: Rgb::splat(0.5), emission: Rgb::ZERO, opacity: 1.0 };
-        let faces = faces.iter().map(|corners| {
-            let corners = corners.map(DVec3::from_array).to_vec();
-            Face { object: 0, material: 0, corners, uv: None, surface: None }
-        });
-        let material =
-            Material { name: "paint".into(), surface, two_sided: false, alpha: Alpha::Opaque, texture: None };
-        let input = SceneInput {
-            name: "test".into(),
-            metres_per_unit: 1.0,
-            objects: vec![Object { name: "thing".into() }],
-            materials: vec![material],
-            faces: faces.collect(),
-            ..SceneInput::default()
-        };
-        let mut geometry = Geometry::new(Arc::new(Scene::build(input, &BuildOptions::default()).unwrap()));
+        let faces: Vec<&[[f64; 3]]> = faces.iter().map(|face| &face[..]).collect();
+        let mut geometry = Geometry::new(painted(&faces, 0.5, 0.0));
         let roots = geometry.bare_roots();
         let clusters = Clusters::new(&roots, &vec![true; roots.len()]);
         geometry.contacts = Contacts::new(&geometry, &clusters, &roots);

@@ -45,6 +45,8 @@ mod read;
 mod receiver;
 mod reopen;
 mod rounds;
+#[cfg(test)]
+mod samples;
 mod sight;
 mod sky;
 mod solve;

@@ -227,10 +227,8 @@ pub(crate) fn quadrant(element: &Element, normal: Vec3, point: Vec3) -> usize {
 mod tests {
     use super::*;
     use crate::rays::even_point_of;
+    use crate::samples::painted;
     use isolux_core::sampling::Stream;
-    use isolux_core::scene::{Alpha, BuildOptions, Face, Material, Object, Scene, SceneInput, Surface};
-    use isolux_core::units::Rgb;
-    use std::sync::Arc;
 
     /// Catches leaves and places that a reader finds elsewhere than where a point was taken from: on triangles, parallelograms
     /// and other quadrilaterals, above leaves of different sizes.
@@ -241,23 +239,7 @@ mod tests {
             &[[0.0, 0.0, 1.0], [3.0, 0.0, 1.0], [3.5, 1.0, 2.0], [0.5, 1.0, 2.0]],
             &[[0.0, 0.0, 4.0], [2.0, 0.0, 4.0], [2.5, 1.5, 4.0], [0.0, 1.0, 4.0]],
         ];
-        let surface = Surface { reflectance: Rgb::splat(0.5), emission: Rgb::ZERO, opacity: 1.0 };
-        let material =
-            Material { name: "paint".into(), surface, two_sided: false, alpha: Alpha::Opaque, texture: None };
-        let faces = shapes.iter().map(|corners| {
-            let corners = corners.iter().copied().map(DVec3::from_array).collect();
-            Face { object: 0, material: 0, corners, uv: None, surface: None }
-        });
-        let input = SceneInput {
-            name: "shapes".into(),
-            metres_per_unit: 1.0,
-            objects: vec![Object { name: "thing".into() }],
-            materials: vec![material],
-            faces: faces.collect(),
-            ..SceneInput::default()
-        };
-        let scene = Arc::new(Scene::build(input, &BuildOptions::default()).unwrap());
-        let geometry = Geometry::new(scene);
+        let geometry = Geometry::new(painted(&shapes, 0.5, 0.0));
         let mut elements = geometry.bare_roots();
         let mut stream = Stream::new(7);
         for _ in 0..200 {
