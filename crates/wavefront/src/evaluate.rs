@@ -47,6 +47,16 @@ pub(crate) fn points(element: &Element) -> [Vec3; 5] {
     std::array::from_fn(|k| if k == MIDDLE { centre } else { centre + (element.corners[k] - centre) * INNER })
 }
 
+/// Rays between two nodes, one in each stratum of either.
+struct Rays {
+    packet: Packet,
+    /// Where they start and end, as in [`State::centre`], by ray.
+    starts: [[f32; 2]; RAYS],
+    ends: [[f32; 2]; RAYS],
+    /// Starts and ends that another face lies on, as bits.
+    under: [u32; 2],
+}
+
 impl Evaluator<'_> {
     fn normal(&self, element: &Element) -> Vec3 {
         self.geometry.surfaces[element.polygon as usize].normal
@@ -253,55 +263,13 @@ impl Evaluator<'_> {
         let mut jitter = Jitter::new(self.name(a), self.name(b), self.seed);
         let turn = self.turn(&mut jitter);
         let (turn_a, turn_b) = (turn & 3, turn >> 2 & 3);
-        let mut packet = Packet::new();
-        let (mut starts, mut ends) = ([[0.5; 2]; RAYS], [[0.5; 2]; RAYS]);
-        let tolerance = self.geometry.tolerance;
         let pairing = |k: usize| ((k & 3) ^ turn_a) << 2 | ((k >> 2) ^ turn_b);
         let hidden = [self.may_be_hidden(a), self.may_be_hidden(b)];
-        // Ends of rays that another face lies on.
-        let mut under = [0_u32; 2];
-        if (a | b) & CLUSTER == 0 {
-            let [x, y] = [a, b].map(|node| &self.elements[node as usize]);
-            for k in 0..RAYS {
-                let [s, t, u, v] = jitter.four();
-                starts[k] = place_in_part(x, k, [s, t], self.geometry);
-                ends[k] = place_in_part(y, pairing(k), [u, v], self.geometry);
-            }
-            let (from, to) = (points_at(x, &starts), points_at(y, &ends));
-            if hidden[0] || hidden[1] {
-                let at = |points: &[[f32; RAYS]; 3], k: usize| Vec3::from(points.map(|axis| axis[k]));
-                for k in 0..RAYS {
-                    under[0] |= u32::from(self.is_under(x.polygon, at(&from, k))) << k;
-                    under[1] |= u32::from(self.is_under(y.polygon, at(&to, k))) << k;
-                }
-            }
-            packet = Packet::between(from, self.normal(x), &to, self.normal(y), tolerance);
-            let counts = [x, y].map(|element| self.geometry.counted_area(element) > 0.0);
-            for k in 0..RAYS {
-                if under[0] >> k & 1 == 1 && !counts[0] || under[1] >> k & 1 == 1 && !counts[1] {
-                    packet.weights[k] = 0.0;
-                }
-            }
+        let Rays { mut packet, starts, ends, under } = if (a | b) & CLUSTER == 0 {
+            self.rays_of_elements(a, b, hidden, pairing, &mut jitter)
         } else {
-            for k in 0..RAYS {
-                let [s, t, u, v] = jitter.four();
-                let [e, f, _, _] = jitter.four();
-                let (from, one, place) = sample(a, k, [s, t], e, self.clusters, self.elements, self.geometry);
-                let (to, two, target) = sample(b, pairing(k), [u, v], f, self.clusters, self.elements, self.geometry);
-                let [normal, other] = [one, two].map(|polygon| self.geometry.surfaces[polygon as usize].normal);
-                (starts[k], ends[k]) = (place, target);
-                if hidden[0] || hidden[1] {
-                    under[0] |= u32::from(self.is_under(one, from)) << k;
-                    under[1] |= u32::from(self.is_under(two, to)) << k;
-                }
-                packet.set(k, from, normal, to, other, tolerance);
-                // Members of a group that other faces lie on altogether are not among those that it speaks of.
-                let counts = |polygon: u32| self.geometry.counted_area(&self.elements[polygon as usize]) > 0.0;
-                if under[0] >> k & 1 == 1 && !counts(one) || under[1] >> k & 1 == 1 && !counts(two) {
-                    packet.weights[k] = 0.0;
-                }
-            }
-        }
+            self.rays_of_groups(a, b, hidden, pairing, &mut jitter)
+        };
         if !self.ideas.weighted_rays {
             packet.count_alike();
         }
@@ -341,6 +309,72 @@ impl Evaluator<'_> {
             Sight { state, ..sight }
         };
         [of(at_a, b, hidden[1]), of(at_b, a, hidden[0])]
+    }
+
+    /// Rays between two elements; `hidden`: may other faces lie on one or the other?
+    #[inline(always)]
+    fn rays_of_elements(
+        &self,
+        a: u32,
+        b: u32,
+        hidden: [bool; 2],
+        pairing: impl Fn(usize) -> usize,
+        jitter: &mut Jitter,
+    ) -> Rays {
+        let [x, y] = [a, b].map(|node| &self.elements[node as usize]);
+        let (mut starts, mut ends, mut under) = ([[0.5; 2]; RAYS], [[0.5; 2]; RAYS], [0_u32; 2]);
+        for k in 0..RAYS {
+            let [s, t, u, v] = jitter.four();
+            starts[k] = place_in_part(x, k, [s, t], self.geometry);
+            ends[k] = place_in_part(y, pairing(k), [u, v], self.geometry);
+        }
+        let (from, to) = (points_at(x, &starts), points_at(y, &ends));
+        if hidden[0] || hidden[1] {
+            let at = |points: &[[f32; RAYS]; 3], k: usize| Vec3::from(points.map(|axis| axis[k]));
+            for k in 0..RAYS {
+                under[0] |= u32::from(self.is_under(x.polygon, at(&from, k))) << k;
+                under[1] |= u32::from(self.is_under(y.polygon, at(&to, k))) << k;
+            }
+        }
+        let mut packet = Packet::between(from, self.normal(x), &to, self.normal(y), self.geometry.tolerance);
+        let counts = [x, y].map(|element| self.geometry.counted_area(element) > 0.0);
+        for k in 0..RAYS {
+            if under[0] >> k & 1 == 1 && !counts[0] || under[1] >> k & 1 == 1 && !counts[1] {
+                packet.weights[k] = 0.0;
+            }
+        }
+        Rays { packet, starts, ends, under }
+    }
+
+    /// The same where one of the nodes at least is a cluster: every ray has members of its own.
+    fn rays_of_groups(
+        &self,
+        a: u32,
+        b: u32,
+        hidden: [bool; 2],
+        pairing: impl Fn(usize) -> usize,
+        jitter: &mut Jitter,
+    ) -> Rays {
+        let mut rays =
+            Rays { packet: Packet::new(), starts: [[0.5; 2]; RAYS], ends: [[0.5; 2]; RAYS], under: [0_u32; 2] };
+        for k in 0..RAYS {
+            let [s, t, u, v] = jitter.four();
+            let [e, f, _, _] = jitter.four();
+            let (from, one, start) = sample(a, k, [s, t], e, self.clusters, self.elements, self.geometry);
+            let (to, two, end) = sample(b, pairing(k), [u, v], f, self.clusters, self.elements, self.geometry);
+            let [normal, other] = [one, two].map(|polygon| self.geometry.surfaces[polygon as usize].normal);
+            (rays.starts[k], rays.ends[k]) = (start, end);
+            let under =
+                if hidden[0] || hidden[1] { [self.is_under(one, from), self.is_under(two, to)] } else { [false; 2] };
+            (0..2).for_each(|side| rays.under[side] |= u32::from(under[side]) << k);
+            rays.packet.set(k, from, normal, to, other, self.geometry.tolerance);
+            // Members of a group that other faces lie on altogether are not among those that it speaks of.
+            let counts = |polygon: u32| self.geometry.counted_area(&self.elements[polygon as usize]) > 0.0;
+            if under[0] && !counts(one) || under[1] && !counts(two) {
+                rays.packet.weights[k] = 0.0;
+            }
+        }
+        rays
     }
 
     /// A link that is kept, with what is known of its visibility by rays that had no say in that.
