@@ -761,9 +761,7 @@ def cie_interreflection(solve: Solve) -> list[Row]:
     rows = []
     for reflectance in (0.0, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95):
         lamp = isolux.Lamp("lamp", "point", (2, 2, 2), intensity=10_000 / (4 * math.pi))
-        # What all is wrong by in the same sense is most of the error here, and a claim may be a fifth
-        # too low: measured -1.2 % of the mean with 1 % asked. Half of that is asked for.
-        solution = solve(cie_room("5.8", reflectance, height=4.0).scene([lamp]), coarser=0.5)
+        solution = solve(cie_room("5.8", reflectance, height=4.0).scene([lamp]))
         sides = ("floor", "ceiling", "left", "right", "back", "front")
         found = sum(mean(solution, side) for side in sides) / 6
         direct = 10_000 / 96

@@ -322,26 +322,31 @@ pub(crate) fn check(transport: &Transport, light: &Light, error: f64, seed: u64,
     let places: Vec<Place> = points.iter().map(|point| point.place).collect();
     let errors = errors(&places, |point, batch| points[point].lacks()[batch], transport, light);
     let solved: Vec<Bands> = points.iter().map(|point| point.solved).collect();
+    let returns = returns(&places, transport, light);
     let lacks = |index: usize| points[index].lacks();
     Check {
         points: count,
         rays: points.iter().map(|point| point.rays).sum(),
-        ..measured(&solved, lacks, |index| errors[index], |index| points[index].known)
+        ..measured(&solved, lacks, |index| errors[index], |index| points[index].known, |index| returns[index])
     }
 }
 
 /// Squares of what is lacking and of errors at points, over all of them and over the darker half; by both batches, so that
 /// their noise is in no mean. `known`: further squares at points, which count in the darker half; over all of them leaves
-/// tell them better.
+/// tell them better. `returns`: what comes back to points of a lack of 1 all over.
 fn measured(
     solved: &[Bands],
     lacks: impl Fn(usize) -> [Bands; 2],
     errors: impl Fn(usize) -> [Bands; 2],
     known: impl Fn(usize) -> f64,
+    returns: impl Fn(usize) -> Bands,
 ) -> Check {
     let brightness: Vec<f32> = solved.iter().map(|solved| solved.iter().sum::<f32>() / 3.0).collect();
     let mut order: Vec<usize> = (0..solved.len()).collect();
     order.sort_by(|&a, &b| brightness[a].total_cmp(&brightness[b]));
+    let sampled: [[[f64; 2]; 2]; 3] = std::array::from_fn(|band| {
+        covariance_of_means((0..solved.len()).map(|index| lacks(index).map(|lacks| f64::from(lacks[band]))))
+    });
     let measure = |indices: &[usize], with_known: bool| {
         let count = indices.len().max(1) as f64;
         let mean = indices.iter().map(|&index| f64::from(brightness[index])).sum::<f64>() / count;
@@ -370,11 +375,38 @@ fn measured(
         let (error, square_error, fourth) = squares(&errors);
         let noise = indices.iter().map(apart).sum::<f64>() / 3.0;
         let by_rays = if fourth > 0.0 { (noise / fourth).min(1.0) } else { 0.0 };
+        // All points have what all others lack on average, as it comes back there: it is no less uncertain for being at many.
+        let mean_of = |value: &dyn Fn(usize) -> f32| {
+            indices.iter().map(|&index| f64::from(value(index))).sum::<f64>() / (count * scale)
+        };
+        let shared = |band: usize| {
+            let [one, other] = [0, 1].map(|batch: usize| mean_of(&|index| errors(index)[batch][band]));
+            let returns = mean_of(&|index| returns(index)[band]);
+            let [[a, c], [_, b]] = sampled[band].map(|row| row.map(|value| value * returns * returns));
+            // Variance of the product of two means that are off by these.
+            (other * other * a + one * one * b + 2.0 * one * other * c + a * b + c * c).sqrt()
+        };
+        let square_error = square_error.hypot((0..3).map(shared).sum::<f64>() / 3.0);
         (Found { lack, error, square_error, by_rays }, mean)
     };
     let (all, mean) = measure(&order, false);
     let (dark, dark_mean) = measure(&order[..order.len() / 2], true);
     Check { all, dark, dark_mean: if mean > 0.0 { dark_mean / mean } else { 0.0 }, points: solved.len(), rays: 0 }
+}
+
+/// Covariances of the means of pairs of values, each pair drawn for itself.
+fn covariance_of_means(pairs: impl Iterator<Item = [f64; 2]> + Clone) -> [[f64; 2]; 2] {
+    let count = pairs.clone().count().max(1) as f64;
+    let mean = pairs.clone().fold([0.0; 2], |sum, pair| [0, 1].map(|k: usize| sum[k] + pair[k] / count));
+    let mut sums = [[0.0; 2]; 2];
+    for pair in pairs {
+        for (row, sums) in sums.iter_mut().enumerate() {
+            for (column, sum) in sums.iter_mut().enumerate() {
+                *sum += (pair[row] - mean[row]) * (pair[column] - mean[column]) / (count * count);
+            }
+        }
+    }
+    sums
 }
 
 impl PointErrors {
@@ -413,7 +445,11 @@ impl PointErrors {
         };
         let mixed: Vec<(Bands, [Bands; 2])> = (0..self.len()).into_par_iter().with_min_len(256).map(mixed).collect();
         let (solved, errors): (Vec<Bands>, Vec<[Bands; 2]>) = mixed.into_iter().unzip();
-        Some(claim(&measured(&solved, |_| [[0.0; 3]; 2], |point| errors[point], |_| 0.0), f64::INFINITY, 0.0))
+        Some(claim(
+            &measured(&solved, |_| [[0.0; 3]; 2], |point| errors[point], |_| 0.0, |_| [0.0; 3]),
+            f64::INFINITY,
+            0.0,
+        ))
     }
 }
 
@@ -686,6 +722,15 @@ fn errors<const C: usize>(
     regions.iter().enumerate().map(|(point, &region)| whole(point, region)).collect()
 }
 
+/// What comes back to every point if irradiance lacks 1 all over, by band.
+fn returns(places: &[Place], transport: &Transport, light: &Light) -> Vec<Bands> {
+    let mut lacking = vec![[0.0; 3]; transport.elements.len()];
+    lacking[..transport.geometry.surfaces.len()].fill([1.0; 3]);
+    let errors = spread(&lacking, light, transport);
+    let at = |place: &Place| errors[place.node(0.0, transport) as usize].map(|error| error - 1.0);
+    places.iter().map(at).collect()
+}
+
 /// Where a ray over the hemisphere ends.
 #[derive(Clone, Copy)]
 struct Met {
@@ -843,11 +888,11 @@ mod tests {
                 let [[own, _], [one, other]] = errors[point];
                 [[own + noise * one; 3], [own + noise * other; 3]]
             };
-            measured(&vec![[1.0; 3]; errors.len()], error, error, |_| 0.0).all.by_rays
+            measured(&vec![[1.0; 3]; errors.len()], error, error, |_| 0.0, |_| [0.0; 3]).all.by_rays
         };
         // Without an error of its own a point has the product of both batches' noise alone.
         let nothing = |point: usize| errors[point].map(|[one, _]| [one; 3]);
-        let noise_alone = measured(&vec![[1.0; 3]; errors.len()], nothing, nothing, |_| 0.0).all.by_rays;
+        let noise_alone = measured(&vec![[1.0; 3]; errors.len()], nothing, nothing, |_| 0.0, |_| [0.0; 3]).all.by_rays;
         assert!(noise_alone > 0.9, "{noise_alone}");
         assert!(by_rays(0.1) < 0.01, "{}", by_rays(0.1));
         assert!((0.1..0.5).contains(&by_rays(1.0)), "{}", by_rays(1.0));

@@ -140,8 +140,8 @@ const NEARLY: f64 = 1.1;
 /// Share of the asked error that a claim must keep below: it comes from some thousand points.
 const MARGIN: f64 = 0.85;
 
-/// Where links say that they leave this much less than was asked for, and rays still find more, what is missing is nothing
-/// that more links would bring.
+/// Where links say that they leave this much less than was asked for, as far as it grows by being reflected again and again,
+/// and rays still find more, what is missing is nothing that more links would bring.
 const FUTILE: f64 = 4.0;
 
 /// Stages one after the other that lower what is claimed by less than a share each, before more are taken to bring nothing.
@@ -373,7 +373,9 @@ impl Prepared {
                     (vain, idle) = (vain + 1, 0);
                 }
             }
-            if now.is_some() && !dark_left && (by_links <= request.error / FUTILE || vain >= VAIN || idle >= IDLE) {
+            let grows = found.map_or(1.0, |found| (found.all.error / found.all.lack.max(f64::MIN_POSITIVE)).max(1.0));
+            let futile = grows * by_links <= request.error / FUTILE;
+            if now.is_some() && !dark_left && (futile || vain >= VAIN || idle >= IDLE) {
                 bound = Some(Bound::Resolution);
                 break;
             }
