@@ -314,7 +314,7 @@ fn lamps_are_dimmed_by_name() {
         let at = points(solution.scene(), 50_000, 5);
         let off = difference(&irradiances(&own, &at), &irradiances(&relit, &at));
         // What a mix claims hangs on few points on edges of shadows: over five seeds the two differ by 0.2 to 1.06 of both claims.
-        assert!(off <= 1.2 * (claimed(&relit) + claimed(&own)), "{off}: {} {}", claimed(&relit), claimed(&own));
+        assert!(off <= 1.1 * (claimed(&relit) + claimed(&own)), "{off}: {} {}", claimed(&relit), claimed(&own));
     }
 }
 

@@ -122,7 +122,7 @@ fn each_side_of_a_wall_has_its_own_light() {
                 // Where elements are as large as that one which the wall runs through shows its light on both sides.
                 let blurred = off < 0.05 && name == "between lines, sequential";
                 // Measured 0.161 at most over five seeds, and up to 0.69 beside walls where elements end.
-                assert!(seen.max(solved) < 0.2 || blurred, "{name}: {off} {seen} {solved}");
+                assert!(seen.max(solved) < 0.17 || blurred, "{name}: {off} {seen} {solved}");
             }
             if !name.starts_with("between") && !name.starts_with("oblique") {
                 // Measured 0.092 and 0.009, and 0.24 to 0.82.
