@@ -344,9 +344,6 @@ fn measured(
     let brightness: Vec<f32> = solved.iter().map(|solved| solved.iter().sum::<f32>() / 3.0).collect();
     let mut order: Vec<usize> = (0..solved.len()).collect();
     order.sort_by(|&a, &b| brightness[a].total_cmp(&brightness[b]));
-    let sampled: [[[f64; 2]; 2]; 3] = std::array::from_fn(|band| {
-        covariance_of_means((0..solved.len()).map(|index| lacks(index).map(|lacks| f64::from(lacks[band]))))
-    });
     let measure = |indices: &[usize], with_known: bool| {
         let count = indices.len().max(1) as f64;
         let mean = indices.iter().map(|&index| f64::from(brightness[index])).sum::<f64>() / count;
@@ -375,14 +372,16 @@ fn measured(
         let (error, square_error, fourth) = squares(&errors);
         let noise = indices.iter().map(apart).sum::<f64>() / 3.0;
         let by_rays = if fourth > 0.0 { (noise / fourth).min(1.0) } else { 0.0 };
-        // All points have what all others lack on average, as it comes back there: it is no less uncertain for being at many.
+        // All points have what the others lack on average, as it comes back there: it is no less uncertain for being at many. What
+        // the brighter half lacks is left out of the darker one's, as there may be a wall between them.
         let mean_of = |value: &dyn Fn(usize) -> f32| {
             indices.iter().map(|&index| f64::from(value(index))).sum::<f64>() / (count * scale)
         };
         let shared = |band: usize| {
             let [one, other] = [0, 1].map(|batch: usize| mean_of(&|index| errors(index)[batch][band]));
             let returns = mean_of(&|index| returns(index)[band]);
-            let [[a, c], [_, b]] = sampled[band].map(|row| row.map(|value| value * returns * returns));
+            let pairs = indices.iter().map(|&index| lacks(index).map(|lacks| f64::from(lacks[band])));
+            let [[a, c], [_, b]] = covariance_of_means(pairs).map(|row| row.map(|value| value * returns * returns));
             // Variance of the product of two means that are off by these.
             (other * other * a + one * one * b + 2.0 * one * other * c + a * b + c * c).sqrt()
         };
