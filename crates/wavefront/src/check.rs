@@ -897,6 +897,36 @@ mod tests {
         assert!((0.1..0.5).contains(&by_rays(1.0)), "{}", by_rays(1.0));
     }
 
+    /// Catches a standard error that leaves out what all points share: where a lack returns ninefold, the mean of few points is most of
+    /// what chance does to the error. Told beside how far errors scatter from one set of points to the next.
+    #[test]
+    fn a_standard_error_has_what_all_points_share() {
+        let mut stream = Stream::new(5);
+        let mut draw = || (0..12).map(|_| stream.next_unit()).sum::<f64>() as f32 - 6.0;
+        let (sets, count, returned) = (400, 100, 9.0);
+        let (mut told, mut without, mut squares) = (0.0, 0.0, Vec::new());
+        for _ in 0..sets {
+            // Both batches share what points lack, each has noise of its own.
+            let lacks: Vec<[f32; 2]> = (0..count)
+                .map(|_| {
+                    let own = 0.05 + 0.05 * draw();
+                    [own + 0.05 * draw(), own + 0.05 * draw()]
+                })
+                .collect();
+            let mean = [0, 1].map(|batch| lacks.iter().map(|lacks| lacks[batch]).sum::<f32>() / count as f32);
+            let lack = |point: usize| lacks[point].map(|lack| [lack; 3]);
+            let error = |point: usize| [0, 1].map(|batch: usize| [lacks[point][batch] + returned * mean[batch]; 3]);
+            let found = |returned: f32| measured(&[[1.0; 3]; 100], lack, error, |_| 0.0, |_| [returned; 3]).all;
+            told += found(returned).square_error / f64::from(sets);
+            without += found(0.0).square_error / f64::from(sets);
+            squares.push(found(returned).error.powi(2));
+        }
+        let mean = squares.iter().sum::<f64>() / f64::from(sets);
+        let scatter = (squares.iter().map(|square| (square - mean).powi(2)).sum::<f64>() / f64::from(sets)).sqrt();
+        assert!((0.85..1.15).contains(&(told / scatter)), "{told} of {scatter}");
+        assert!(without < 0.2 * scatter, "{without} of {scatter}");
+    }
+
     /// Catches a stratum that is left out or taken twice where a side is no multiple of two, and packets whose strata are
     /// no neighbours.
     #[test]

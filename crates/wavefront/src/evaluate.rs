@@ -47,6 +47,17 @@ pub(crate) fn points(element: &Element) -> [Vec3; 5] {
     std::array::from_fn(|k| if k == MIDDLE { centre } else { centre + (element.corners[k] - centre) * INNER })
 }
 
+/// Which strata of two nodes rays join.
+#[derive(Clone, Copy)]
+struct Pairing([usize; 2]);
+
+impl Pairing {
+    /// Stratum in which the ray ends that starts in stratum `k`.
+    fn of(self, k: usize) -> usize {
+        ((k & 3) ^ self.0[0]) << 2 | ((k >> 2) ^ self.0[1])
+    }
+}
+
 /// Rays between two nodes, one in each stratum of either.
 struct Rays {
     packet: Packet,
@@ -262,13 +273,12 @@ impl Evaluator<'_> {
     fn between(&self, a: u32, b: u32, clear: bool) -> [Sight; 2] {
         let mut jitter = Jitter::new(self.name(a), self.name(b), self.seed);
         let turn = self.turn(&mut jitter);
-        let (turn_a, turn_b) = (turn & 3, turn >> 2 & 3);
-        let pairing = |k: usize| ((k & 3) ^ turn_a) << 2 | ((k >> 2) ^ turn_b);
+        let pairing = Pairing([turn & 3, turn >> 2 & 3]);
         let hidden = [self.may_be_hidden(a), self.may_be_hidden(b)];
         let Rays { mut packet, starts, ends, under } = if (a | b) & CLUSTER == 0 {
-            self.rays_of_elements(a, b, hidden, pairing, &mut jitter)
+            self.rays_of_elements([a, b], hidden[0] || hidden[1], pairing, &mut jitter)
         } else {
-            self.rays_of_groups(a, b, hidden, pairing, &mut jitter)
+            self.rays_of_groups([a, b], hidden[0] || hidden[1], pairing, &mut jitter)
         };
         if !self.ideas.weighted_rays {
             packet.count_alike();
@@ -298,7 +308,7 @@ impl Evaluator<'_> {
         let at_b = sight(
             &without(packet.weights, under[1]),
             &from_a,
-            |k| pairing(k) >> 2,
+            |k| pairing.of(k) >> 2,
             triangle(b),
             centre(&packet.weights, &from_a, &starts),
             clear && !hidden[0],
@@ -311,25 +321,18 @@ impl Evaluator<'_> {
         [of(at_a, b, hidden[1]), of(at_b, a, hidden[0])]
     }
 
-    /// Rays between two elements; `hidden`: may other faces lie on one or the other?
+    /// Rays between two elements; `hidden`: may another face lie on one or the other?
     #[inline(always)]
-    fn rays_of_elements(
-        &self,
-        a: u32,
-        b: u32,
-        hidden: [bool; 2],
-        pairing: impl Fn(usize) -> usize,
-        jitter: &mut Jitter,
-    ) -> Rays {
-        let [x, y] = [a, b].map(|node| &self.elements[node as usize]);
+    fn rays_of_elements(&self, nodes: [u32; 2], hidden: bool, pairing: Pairing, jitter: &mut Jitter) -> Rays {
+        let [x, y] = nodes.map(|node| &self.elements[node as usize]);
         let (mut starts, mut ends, mut under) = ([[0.5; 2]; RAYS], [[0.5; 2]; RAYS], [0_u32; 2]);
         for k in 0..RAYS {
             let [s, t, u, v] = jitter.four();
             starts[k] = place_in_part(x, k, [s, t], self.geometry);
-            ends[k] = place_in_part(y, pairing(k), [u, v], self.geometry);
+            ends[k] = place_in_part(y, pairing.of(k), [u, v], self.geometry);
         }
         let (from, to) = (points_at(x, &starts), points_at(y, &ends));
-        if hidden[0] || hidden[1] {
+        if hidden {
             let at = |points: &[[f32; RAYS]; 3], k: usize| Vec3::from(points.map(|axis| axis[k]));
             for k in 0..RAYS {
                 under[0] |= u32::from(self.is_under(x.polygon, at(&from, k))) << k;
@@ -347,25 +350,18 @@ impl Evaluator<'_> {
     }
 
     /// The same where one of the nodes at least is a cluster: every ray has members of its own.
-    fn rays_of_groups(
-        &self,
-        a: u32,
-        b: u32,
-        hidden: [bool; 2],
-        pairing: impl Fn(usize) -> usize,
-        jitter: &mut Jitter,
-    ) -> Rays {
+    fn rays_of_groups(&self, nodes: [u32; 2], hidden: bool, pairing: Pairing, jitter: &mut Jitter) -> Rays {
         let mut rays =
             Rays { packet: Packet::new(), starts: [[0.5; 2]; RAYS], ends: [[0.5; 2]; RAYS], under: [0_u32; 2] };
         for k in 0..RAYS {
             let [s, t, u, v] = jitter.four();
             let [e, f, _, _] = jitter.four();
-            let (from, one, start) = sample(a, k, [s, t], e, self.clusters, self.elements, self.geometry);
-            let (to, two, end) = sample(b, pairing(k), [u, v], f, self.clusters, self.elements, self.geometry);
+            let (from, one, start) = sample(nodes[0], k, [s, t], e, self.clusters, self.elements, self.geometry);
+            let (to, two, end) =
+                sample(nodes[1], pairing.of(k), [u, v], f, self.clusters, self.elements, self.geometry);
             let [normal, other] = [one, two].map(|polygon| self.geometry.surfaces[polygon as usize].normal);
             (rays.starts[k], rays.ends[k]) = (start, end);
-            let under =
-                if hidden[0] || hidden[1] { [self.is_under(one, from), self.is_under(two, to)] } else { [false; 2] };
+            let under = if hidden { [self.is_under(one, from), self.is_under(two, to)] } else { [false; 2] };
             (0..2).for_each(|side| rays.under[side] |= u32::from(under[side]) << k);
             rays.packet.set(k, from, normal, to, other, self.geometry.tolerance);
             // Members of a group that other faces lie on altogether are not among those that it speaks of.
