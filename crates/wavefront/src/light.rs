@@ -587,7 +587,8 @@ fn pull_parent<const C: usize>(view: &mut View<Shapes<'_, C>>, index: usize, ele
         let apart = rms(std::array::from_fn(|k| of.radiosity[child][k] - radiosity[k]));
         square += share * (linear * linear + rest * rest + apart * apart);
     }
-    let at = |k: usize, c: usize| of.radiosity[first + k][c];
+    // What is covered throws nothing: there is no slope towards it.
+    let at = |k: usize, c: usize| if shares[k] > 0.0 { of.radiosity[first + k][c] } else { radiosity[c] };
     let slope = if !sloped {
         [[0.0; C]; 2]
     } else if element.count == 4 {
@@ -704,4 +705,34 @@ fn parted<const C: usize>(square: f32, slope: &[[f32; C]; 2], count: u8) -> [f32
     }
     linear /= 3.0;
     [linear.sqrt(), (square - linear).max(0.0).sqrt()]
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
+mod tests {
+    use super::*;
+    use crate::samples::painted;
+
+    /// Catches slopes towards what is covered: of a square one quarter of which lies under something, the other three are alike,
+    /// so that it is as bright wherever it is read. Links of sources that things stand on read up to twice their light before,
+    /// and fine solves made 0.5 % of light.
+    #[test]
+    fn there_is_no_slope_towards_what_is_covered() {
+        let square: &[[f64; 3]] = &[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
+        let far: &[[f64; 3]] = &[[0.0, 0.0, 9.0], [0.0, 1.0, 9.0], [1.0, 1.0, 9.0], [1.0, 0.0, 9.0]];
+        let geometry = Geometry::new(painted(&[square, far], 0.5, 1.0));
+        let mut elements = geometry.bare_roots();
+        let clusters = Clusters::new(&elements, &[true, true]);
+        let quarters = elements[0].quarters(0);
+        elements[0].first_child = elements.len() as u32;
+        elements.extend(quarters);
+        elements[2].open = 0;
+        let order = Order::new(&elements, 2);
+        let light = Light::even([4.0; 3], &geometry, &clusters, &elements);
+        assert_eq!(light.radiosity[2], [1.0; 3], "{:?}", light.radiosity);
+        let mut light = light;
+        light.pull(&geometry, &clusters, &elements, &order);
+        assert!((light.radiosity[0][0] - 3.0).abs() < 1e-5, "{:?}", light.radiosity[0]);
+        assert!(light.slope[0].iter().flatten().all(|slope| slope.abs() < 1e-5), "{:?}", light.slope[0]);
+    }
 }
