@@ -380,10 +380,18 @@ impl Evaluator<'_> {
     /// that are kept. [`State`] goes on telling what the first ones said, so that the second are no reason to split.
     pub(crate) fn seen_again(&self, mut link: Link) -> Link {
         let state = link.state;
-        if state.rays_of_points() > 0 || state.visibility < 255 || state.is(State::CLEAR) || state.is(State::GRAZING) {
+        if state.visibility < 255 || state.is(State::CLEAR) || state.is(State::GRAZING) {
             return link;
         }
         let again = Evaluator { seed: mix(self.seed ^ AGAIN), ..*self };
+        if state.rays_of_points() > 0 {
+            let found = again.points(link.receiver, link.source, state.rays());
+            if let Some(found) = found.filter(|found| found.state.visibility < 255) {
+                link.factors = if found.state.is(State::DARK) { [0.0; 5] } else { found.factors };
+                link.state = not_whole(state);
+            }
+            return link;
+        }
         let [sight, _] = again.between(link.receiver, link.source, false);
         if sight.state.visibility == 255 || sight.state.rays_between() == 0.0 {
             return link;

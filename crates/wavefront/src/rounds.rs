@@ -641,7 +641,7 @@ mod tests {
             .collect();
         let sum = |k: usize| parts.iter().map(|part| part[k]).sum::<f64>();
         let (first, second) = (sum(0) / sum(2) - 1.0, sum(1) / sum(2) - 1.0);
-        // Measured 0.0193 and 0.0067.
-        assert!(second.abs() < 0.4 * first, "{first} {second}");
+        // Measured with eight times as many rays 0.0188 and 0.0079.
+        assert!(second.abs() < 0.5 * first, "{first} {second}");
     }
 }
