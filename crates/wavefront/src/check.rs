@@ -82,6 +82,8 @@ struct Point {
 struct Place {
     polygon: u32,
     point: Vec3,
+    /// Surface that it speaks for, m².
+    area: f32,
 }
 
 /// What rays found of light by groups, at points spread evenly over all fronts but for what is covered: enough to tell the
@@ -140,7 +142,7 @@ impl Emitters {
     /// Chooses by what each emitter would throw on a point if nothing were in between. `ratio`: rays to emitters of a batch
     /// over those over the hemisphere.
     fn seen_from(&self, from: Place, ratio: f32, geometry: &Geometry, roots: &[Element]) -> Choice<'_> {
-        let Place { polygon, point } = from;
+        let Place { polygon, point, .. } = from;
         let normal = geometry.surfaces[polygon as usize].normal;
         let weigh = self.polygons.len() <= MOST_WEIGHED;
         let thrown = |&polygon: &u32| -> f64 {
@@ -239,32 +241,86 @@ fn points_of(elements: usize) -> usize {
     (elements / ELEMENTS_PER_POINT).clamp(POINTS.0, POINTS.1)
 }
 
-/// What `look` makes of `count` points on all fronts, by area; those that are covered, or so close to a line of contact that
+/// Share of the points that go to leaves, where there are as many: see [`Spots`].
+const TO_LEAVES: f64 = 0.5;
+
+/// Where points lie: evenly by area; and evenly over the leaves that refinement has made, each of which holds about as much of the
+/// squared error, however small it is. Beside things, on a hundredth of all surfaces, lies half of that in a furnished room: of
+/// points by area few would find it. What a point counts is the surface that it and its likes of both kinds speak for (balance
+/// heuristic).
+struct Spots<'a> {
+    elements: &'a [Element],
+    /// Area of the fronts before each, and of all, m².
+    before: Vec<f64>,
+    area: f64,
+    /// Leaves that are parts of fronts, unless they are covered.
+    leaves: Vec<u32>,
+    by_area: usize,
+    by_leaf: usize,
+}
+
+impl Spots<'_> {
+    fn new(transport: &Transport, count: usize, to_leaves: f64) -> Spots<'_> {
+        let (geometry, elements) = (&*transport.geometry, &transport.elements[..]);
+        let fronts = geometry.scene.fronts;
+        let mut before = Vec::with_capacity(fronts + 1);
+        let mut area = 0.0_f64;
+        for root in &elements[..fronts] {
+            before.push(area);
+            area += f64::from(root.area);
+        }
+        let is_part = |element: &Element| element.parent != NONE && (element.polygon as usize) < fronts;
+        let leaves = elements.iter().enumerate().filter(|(_, element)| element.first_child == NONE && is_part(element));
+        let leaves: Vec<u32> = leaves.filter(|(_, leaf)| leaf.open != 0).map(|(index, _)| index as u32).collect();
+        // Along edges of lamps' shadows, for which leaves are small as well, these are believed: see `of_lamps`.
+        let to_leaves = if geometry.scene.has_remote_light() { 0.0 } else { to_leaves };
+        let by_leaf = ((to_leaves * count as f64) as usize).min(leaves.len());
+        Spots { elements, before, area, leaves, by_area: count - by_leaf, by_leaf }
+    }
+
+    /// The place of point `index`.
+    fn place(&self, index: usize, transport: &Transport, stream: &mut Stream) -> Place {
+        let at = |stream: &mut Stream, first: usize, count: usize| {
+            ((index - first) as f64 + stream.next_unit()) / count as f64
+        };
+        let element = if index < self.by_area {
+            let wanted = self.area * at(stream, 0, self.by_area);
+            self.before.partition_point(|&before| before <= wanted).max(1) - 1
+        } else {
+            let place = at(stream, self.by_area, self.by_leaf) * self.leaves.len() as f64;
+            self.leaves[(place as usize).min(self.leaves.len() - 1)] as usize
+        };
+        let jitter = [stream.next_unit() as f32, stream.next_unit() as f32];
+        let (polygon, point) = (self.elements[element].polygon, even_point_of(&self.elements[element], jitter));
+        let place = Place { polygon, point, area: 0.0 };
+        let leaf = &self.elements[place.node(0.0, transport) as usize];
+        let by_leaf = if leaf.parent == NONE || leaf.open == 0 {
+            0.0
+        } else {
+            self.by_leaf as f64 / (self.leaves.len() as f64 * f64::from(leaf.area))
+        };
+        Place { area: (1.0 / (self.by_area as f64 / self.area + by_leaf)) as f32, ..place }
+    }
+}
+
+/// What `look` makes of `count` points on all fronts, see [`Spots`]; those that are covered, or so close to a line of contact that
 /// rounding decides on which side they are, are left out.
 fn at_points<T: Send>(
     transport: &Transport,
     seed: u64,
     count: usize,
+    to_leaves: f64,
     look: impl Fn(Place, &mut Stream) -> Option<T> + Sync,
 ) -> Vec<T> {
     let (geometry, elements) = (&*transport.geometry, &transport.elements[..]);
-    let fronts = geometry.scene.fronts;
-    let mut before = Vec::with_capacity(fronts + 1);
-    let mut area = 0.0_f64;
-    for root in &elements[..fronts] {
-        before.push(area);
-        area += f64::from(root.area);
-    }
+    let spots = Spots::new(transport, count, to_leaves);
     (0..count)
         .into_par_iter()
         .filter_map(|index| {
             let mut stream = Stream::new(mix(seed) ^ index as u64);
-            let wanted = area * (index as f64 + stream.next_unit()) / count as f64;
-            let polygon = before.partition_point(|&before| before <= wanted).max(1) - 1;
-            let jitter = [stream.next_unit() as f32, stream.next_unit() as f32];
-            let place = Place { polygon: polygon as u32, point: even_point_of(&elements[polygon], jitter) };
+            let place = spots.place(index, transport, &mut stream);
             let on_line = || is_on_line(place.point, &elements[place.node(0.0, transport) as usize], geometry);
-            let on_border = || is_on_border(place.point, &elements[polygon], geometry);
+            let on_border = || is_on_border(place.point, &elements[place.polygon as usize], geometry);
             if on_border() || on_line() || is_covered(place.point, place.polygon, geometry) {
                 return None;
             }
@@ -304,8 +360,8 @@ pub(crate) fn check(transport: &Transport, light: &Light, error: f64, seed: u64,
     let count = effort.points.unwrap_or_else(|| points_of(elements.len()));
     let enough = enough_of_sky(error, light.scale, count);
     let reader = Reader::new(geometry, elements);
-    let points: Vec<Point> = at_points(transport, seed ^ 0x636865636b, count, |place, stream| {
-        let Place { polygon, point } = place;
+    let points: Vec<Point> = at_points(transport, seed ^ 0x636865636b, count, TO_LEAVES, |place, stream| {
+        let Place { polygon, point, .. } = place;
         let solved = reader.field_at(light, polygon, point);
         let rays = rays.where_bright(solved.iter().sum::<f32>() / 3.0 / light.scale, effort.sides);
         let emitters = emitters.seen_from(place, rays.ratio(), geometry, elements);
@@ -322,20 +378,22 @@ pub(crate) fn check(transport: &Transport, light: &Light, error: f64, seed: u64,
     let places: Vec<Place> = points.iter().map(|point| point.place).collect();
     let errors = errors(&places, |point, batch| points[point].lacks()[batch], transport, light);
     let solved: Vec<Bands> = points.iter().map(|point| point.solved).collect();
+    let areas: Vec<f64> = places.iter().map(|place| f64::from(place.area)).collect();
     let returns = returns(&places, transport, light);
     let lacks = |index: usize| points[index].lacks();
     Check {
         points: count,
         rays: points.iter().map(|point| point.rays).sum(),
-        ..measured(&solved, lacks, |index| errors[index], |index| points[index].known, |index| returns[index])
+        ..measured(&solved, &areas, lacks, |index| errors[index], |index| points[index].known, |index| returns[index])
     }
 }
 
 /// Squares of what is lacking and of errors at points, over all of them and over the darker half; by both batches, so that
-/// their noise is in no mean. `known`: further squares at points, which count in the darker half; over all of them leaves
+/// their noise is in no mean. `areas`: what each point speaks for. `known`: further squares at points, which count in the darker half; over all of them leaves
 /// tell them better. `returns`: what comes back to points of a lack of 1 all over.
 fn measured(
     solved: &[Bands],
+    areas: &[f64],
     lacks: impl Fn(usize) -> [Bands; 2],
     errors: impl Fn(usize) -> [Bands; 2],
     known: impl Fn(usize) -> f64,
@@ -345,8 +403,10 @@ fn measured(
     let mut order: Vec<usize> = (0..solved.len()).collect();
     order.sort_by(|&a, &b| brightness[a].total_cmp(&brightness[b]));
     let measure = |indices: &[usize], with_known: bool| {
-        let count = indices.len().max(1) as f64;
-        let mean = indices.iter().map(|&index| f64::from(brightness[index])).sum::<f64>() / count;
+        let sum: f64 = indices.iter().map(|&index| areas[index]).sum();
+        // What a point counts in a mean.
+        let share = |index: usize| if sum > 0.0 { areas[index] / sum } else { 0.0 };
+        let mean = indices.iter().map(|&index| share(index) * f64::from(brightness[index])).sum::<f64>();
         // Where nothing arrives, nothing can lack a share of it.
         let scale = if mean > 0.0 { mean } else { 1.0 };
         let squares = |values: &dyn Fn(usize) -> [Bands; 2]| -> (f64, f64, f64) {
@@ -356,17 +416,19 @@ fn measured(
                 let sum: f64 = (0..3).map(|band| f64::from(one[band]) * f64::from(other[band])).sum();
                 (sum / 3.0 + known) / (scale * scale)
             };
-            let squares: Vec<f64> = indices.iter().map(square).collect();
-            let mean = squares.iter().sum::<f64>() / count;
-            let spread = squares.iter().map(|value| (value - mean) * (value - mean)).sum::<f64>() / count;
-            (mean.max(0.0).sqrt(), (spread / count).sqrt(), squares.iter().map(|value| value * value).sum::<f64>())
+            let squares: Vec<[f64; 2]> = indices.iter().map(|index| [share(*index), square(index)]).collect();
+            let mean: f64 = squares.iter().map(|[share, value]| share * value).sum();
+            let total = |of: &dyn Fn(f64) -> f64| -> f64 {
+                squares.iter().map(|&[share, value]| (share * of(value)).powi(2)).sum()
+            };
+            (mean.max(0.0).sqrt(), total(&|value| value - mean).sqrt(), total(&|value| value))
         };
         // Of two batches that find nothing but noise, normal and of variance v, the product has v² in the mean square, the half of
         // the squared difference 3 v².
         let apart = |&index: &usize| {
             let [one, other] = errors(index);
             let sum: f64 = (0..3).map(|band| f64::from(one[band] - other[band]).powi(2)).sum();
-            (sum / 6.0 / (scale * scale)).powi(2)
+            (share(index) * sum / 6.0 / (scale * scale)).powi(2)
         };
         let (lack, ..) = squares(&lacks);
         let (error, square_error, fourth) = squares(&errors);
@@ -375,12 +437,12 @@ fn measured(
         // All points have what the others lack on average, as it comes back there: it is no less uncertain for being at many. What
         // the brighter half lacks is left out of the darker one's, as there may be a wall between them.
         let mean_of = |value: &dyn Fn(usize) -> f32| {
-            indices.iter().map(|&index| f64::from(value(index))).sum::<f64>() / (count * scale)
+            indices.iter().map(|&index| share(index) * f64::from(value(index))).sum::<f64>() / scale
         };
         let shared = |band: usize| {
             let [one, other] = [0, 1].map(|batch: usize| mean_of(&|index| errors(index)[batch][band]));
             let returns = mean_of(&|index| returns(index)[band]);
-            let pairs = indices.iter().map(|&index| lacks(index).map(|lacks| f64::from(lacks[band])));
+            let pairs = indices.iter().map(|&index| (share(index), lacks(index).map(|lacks| f64::from(lacks[band]))));
             let [[a, c], [_, b]] = covariance_of_means(pairs).map(|row| row.map(|value| value * returns * returns));
             // Variance of the product of two means that are off by these.
             (other * other * a + one * one * b + 2.0 * one * other * c + a * b + c * c).sqrt()
@@ -389,19 +451,24 @@ fn measured(
         (Found { lack, error, square_error, by_rays }, mean)
     };
     let (all, mean) = measure(&order, false);
-    let (dark, dark_mean) = measure(&order[..order.len() / 2], true);
+    let whole: f64 = areas.iter().sum();
+    let mut darker = 0.0;
+    let half = order.iter().take_while(|&&index| {
+        darker += areas[index];
+        darker <= 0.5 * whole
+    });
+    let (dark, dark_mean) = measure(&order[..half.count()], true);
     Check { all, dark, dark_mean: if mean > 0.0 { dark_mean / mean } else { 0.0 }, points: solved.len(), rays: 0 }
 }
 
-/// Covariances of the means of pairs of values, each pair drawn for itself.
-fn covariance_of_means(pairs: impl Iterator<Item = [f64; 2]> + Clone) -> [[f64; 2]; 2] {
-    let count = pairs.clone().count().max(1) as f64;
-    let mean = pairs.clone().fold([0.0; 2], |sum, pair| [0, 1].map(|k: usize| sum[k] + pair[k] / count));
+/// Covariances of the means of pairs of values, each pair drawn for itself and counted by its share.
+fn covariance_of_means(pairs: impl Iterator<Item = (f64, [f64; 2])> + Clone) -> [[f64; 2]; 2] {
+    let mean = pairs.clone().fold([0.0; 2], |sum, (share, pair)| [0, 1].map(|k: usize| sum[k] + share * pair[k]));
     let mut sums = [[0.0; 2]; 2];
-    for pair in pairs {
+    for (share, pair) in pairs {
         for (row, sums) in sums.iter_mut().enumerate() {
             for (column, sum) in sums.iter_mut().enumerate() {
-                *sum += (pair[row] - mean[row]) * (pair[column] - mean[column]) / (count * count);
+                *sum += share * share * (pair[row] - mean[row]) * (pair[column] - mean[column]);
             }
         }
     }
@@ -445,7 +512,7 @@ impl PointErrors {
         let mixed: Vec<(Bands, [Bands; 2])> = (0..self.len()).into_par_iter().with_min_len(256).map(mixed).collect();
         let (solved, errors): (Vec<Bands>, Vec<[Bands; 2]>) = mixed.into_iter().unzip();
         Some(claim(
-            &measured(&solved, |_| [[0.0; 3]; 2], |point| errors[point], |_| 0.0, |_| [0.0; 3]),
+            &measured(&solved, &vec![1.0; self.len()], |_| [[0.0; 3]; 2], |point| errors[point], |_| 0.0, |_| [0.0; 3]),
             f64::INFINITY,
             0.0,
         ))
@@ -572,7 +639,7 @@ pub(crate) fn check_groups(
         let lacks = [gather(0), gather(1)];
         Some(GroupPoint { place, solved, lacks })
     };
-    let points = at_points(transport, seed ^ 0x67726f757073, count, look);
+    let points = at_points(transport, seed ^ 0x67726f757073, count, 0.0, look);
     let places: Vec<Place> = points.iter().map(|point| point.place).collect();
     let mut found = PointErrors::default();
     for first in (0..columns.len()).step_by(SIDE_BY_SIDE) {
@@ -645,7 +712,7 @@ fn of_sky(place: Place, enough: f32, geometry: &Geometry, stream: &mut Stream) -
 /// What lamps throw on a point, by shadow rays, and the square of what its leaf knows to miss of it. Where that explains what
 /// is lacking there, the leaf's own value stands for the rays': few points fall on edges of shadows, and would weigh much.
 fn of_lamps(place: Place, transport: &Transport, light: &Light) -> (Bands, f64) {
-    let Place { polygon, point } = place;
+    let Place { polygon, point, .. } = place;
     if light.lit.is_empty() {
         return ([0.0; 3], 0.0);
     }
@@ -699,13 +766,14 @@ fn errors<const C: usize>(
     let area: f64 = fronts.iter().map(|root| f64::from(root.area)).sum();
     let least = (area * REGION / places.len().max(1) as f64) as f32;
     let regions: Vec<u32> = places.iter().map(|place| place.node(least, transport)).collect();
-    let mut count = vec![0.0_f32; transport.elements.len()];
-    regions.iter().for_each(|&region| count[region as usize] += 1.0);
+    let mut counted = vec![0.0_f32; transport.elements.len()];
+    regions.iter().zip(places).for_each(|(&region, place)| counted[region as usize] += place.area);
     let [one, other] = [0, 1].map(|batch: usize| {
         let mut lacking = vec![[0.0; C]; transport.elements.len()];
         for (point, &region) in regions.iter().enumerate() {
             let (lacks, mean) = (lacks(point, batch), &mut lacking[region as usize]);
-            (0..C).for_each(|c| mean[c] += lacks[c] / count[region as usize]);
+            let share = places[point].area / counted[region as usize];
+            (0..C).for_each(|c| mean[c] += share * lacks[c]);
         }
         let error = spread(&lacking, light, transport);
         (lacking, error)
@@ -775,7 +843,7 @@ fn each_direction(
     stream: &mut Stream,
     mut tell: impl FnMut(usize, Met),
 ) {
-    let Place { polygon, point } = from;
+    let Place { polygon, point, .. } = from;
     let normal = geometry.surfaces[polygon as usize].normal;
     let (tangent, bitangent) = normal.any_orthonormal_pair();
     for first in (0..side * side).step_by(STRATA) {
@@ -836,7 +904,7 @@ fn emitted(
     emitters: &Choice<'_>,
     stream: &mut Stream,
 ) -> Bands {
-    let Place { polygon, point } = from;
+    let Place { polygon, point, .. } = from;
     let normal = geometry.surfaces[polygon as usize].normal;
     let start = [stream.next_unit(), stream.next_unit()];
     let mut sum = [0.0; 3];
@@ -871,6 +939,7 @@ fn emitted(
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
     use super::*;
 
@@ -887,11 +956,16 @@ mod tests {
                 let [[own, _], [one, other]] = errors[point];
                 [[own + noise * one; 3], [own + noise * other; 3]]
             };
-            measured(&vec![[1.0; 3]; errors.len()], error, error, |_| 0.0, |_| [0.0; 3]).all.by_rays
+            measured(&vec![[1.0; 3]; errors.len()], &vec![1.0; errors.len()], error, error, |_| 0.0, |_| [0.0; 3])
+                .all
+                .by_rays
         };
         // Without an error of its own a point has the product of both batches' noise alone.
         let nothing = |point: usize| errors[point].map(|[one, _]| [one; 3]);
-        let noise_alone = measured(&vec![[1.0; 3]; errors.len()], nothing, nothing, |_| 0.0, |_| [0.0; 3]).all.by_rays;
+        let noise_alone =
+            measured(&vec![[1.0; 3]; errors.len()], &vec![1.0; errors.len()], nothing, nothing, |_| 0.0, |_| [0.0; 3])
+                .all
+                .by_rays;
         assert!(noise_alone > 0.9, "{noise_alone}");
         assert!(by_rays(0.1) < 0.01, "{}", by_rays(0.1));
         assert!((0.1..0.5).contains(&by_rays(1.0)), "{}", by_rays(1.0));
@@ -916,7 +990,8 @@ mod tests {
             let mean = [0, 1].map(|batch| lacks.iter().map(|lacks| lacks[batch]).sum::<f32>() / count as f32);
             let lack = |point: usize| lacks[point].map(|lack| [lack; 3]);
             let error = |point: usize| [0, 1].map(|batch: usize| [lacks[point][batch] + returned * mean[batch]; 3]);
-            let found = |returned: f32| measured(&[[1.0; 3]; 100], lack, error, |_| 0.0, |_| [returned; 3]).all;
+            let found =
+                |returned: f32| measured(&[[1.0; 3]; 100], &[1.0; 100], lack, error, |_| 0.0, |_| [returned; 3]).all;
             told += found(returned).square_error / f64::from(sets);
             without += found(0.0).square_error / f64::from(sets);
             squares.push(found(returned).error.powi(2));
@@ -925,6 +1000,37 @@ mod tests {
         let scatter = (squares.iter().map(|square| (square - mean).powi(2)).sum::<f64>() / f64::from(sets)).sqrt();
         assert!((0.85..1.15).contains(&(told / scatter)), "{told} of {scatter}");
         assert!(without < 0.2 * scatter, "{without} of {scatter}");
+    }
+
+    /// Catches points that speak for more or less than there is: those by leaf and those by area together stand for all surfaces
+    /// once, for large leaves as for small ones.
+    #[test]
+    fn points_speak_for_all_surfaces_once() {
+        let path = format!("{}/../../scenes/gallery.glb", env!("CARGO_MANIFEST_DIR"));
+        let input = isolux_formats::read::read(path.as_ref(), &Default::default()).unwrap();
+        let scene = isolux_core::scene::Scene::build(input, &isolux_core::scene::BuildOptions::default()).unwrap();
+        let prepared = crate::solve::Prepared::new(std::sync::Arc::new(scene));
+        let solved = prepared.solve(&crate::solve::Request::new(0.1), &Control::default());
+        let transport = &solved.transport;
+        let count = 20_000;
+        let spots = Spots::new(transport, count, TO_LEAVES);
+        assert!(spots.by_leaf > 1000 && spots.by_area > count / 2 - 1, "{} {}", spots.by_leaf, spots.by_area);
+        let leaf = |place: &Place| &transport.elements[place.node(0.0, transport) as usize];
+        let places: Vec<Place> =
+            (0..count).map(|index| spots.place(index, transport, &mut Stream::new(index as u64))).collect();
+        let fronts = transport.geometry.scene.fronts as u32;
+        let leaves = || transport.elements.iter().filter(|leaf| leaf.first_child == NONE && leaf.polygon < fronts);
+        for least in [0.0, 0.01, 0.1] {
+            let told: f32 = places.iter().filter(|place| leaf(place).area > least).map(|place| place.area).sum();
+            let there: f32 = leaves().filter(|leaf| leaf.area > least).map(|leaf| leaf.area).sum();
+            // Some thousand points in strata: measured 0.2 % at most.
+            assert!((told / there - 1.0).abs() < 0.02, "{least}: {told} of {there}");
+        }
+        // What is small is asked more than its area calls for.
+        let small = |place: &&Place| leaf(place).area < 0.01;
+        let asked = places.iter().filter(small).count() as f32 / count as f32;
+        let area: f32 = places.iter().filter(small).map(|place| place.area).sum::<f32>() / spots.area as f32;
+        assert!(asked > 3.0 * area, "{asked} {area}");
     }
 
     /// Catches a stratum that is left out or taken twice where a side is no multiple of two, and packets whose strata are
