@@ -1023,8 +1023,8 @@ mod tests {
         for least in [0.0, 0.01, 0.1] {
             let told: f32 = places.iter().filter(|place| leaf(place).area > least).map(|place| place.area).sum();
             let there: f32 = leaves().filter(|leaf| leaf.area > least).map(|leaf| leaf.area).sum();
-            // Some thousand points in strata: measured 0.2 % at most.
-            assert!((told / there - 1.0).abs() < 0.02, "{least}: {told} of {there}");
+            // Measured 0.8 % at most.
+            assert!((told / there - 1.0).abs() < 0.015, "{least}: {told} of {there}");
         }
         // What is small is asked more than its area calls for.
         let small = |place: &&Place| leaf(place).area < 0.01;

@@ -708,7 +708,6 @@ fn parted<const C: usize>(square: f32, slope: &[[f32; C]; 2], count: u8) -> [f32
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "tests")]
 mod tests {
     use super::*;
     use crate::samples::painted;
@@ -727,11 +726,8 @@ mod tests {
         elements[0].first_child = elements.len() as u32;
         elements.extend(quarters);
         elements[2].open = 0;
-        let order = Order::new(&elements, 2);
         let light = Light::even([4.0; 3], &geometry, &clusters, &elements);
         assert_eq!(light.radiosity[2], [1.0; 3], "{:?}", light.radiosity);
-        let mut light = light;
-        light.pull(&geometry, &clusters, &elements, &order);
         assert!((light.radiosity[0][0] - 3.0).abs() < 1e-5, "{:?}", light.radiosity[0]);
         assert!(light.slope[0].iter().flatten().all(|slope| slope.abs() < 1e-5), "{:?}", light.slope[0]);
     }
