@@ -9,6 +9,7 @@ use crate::link::{CLUSTER, Link, MIDDLE, State};
 use crate::oracle::{SMOOTH, STEP};
 use crate::order::Order;
 use crate::rays::{Jitter, Packet, RAYS, beside_own_point, evenness, place_of, points_at, sample};
+use crate::rows::Closed;
 use crate::sight::{Sight, Steps, byte, centre, chance, fit, not_whole, shaded, sight};
 use glam::Vec3;
 use isolux_core::sampling::mix;
@@ -37,6 +38,7 @@ pub(crate) struct Evaluator<'a> {
     pub(crate) clusters: &'a Clusters,
     pub(crate) elements: &'a [Element],
     pub(crate) order: &'a Order,
+    pub(crate) closed: &'a Closed,
     pub(crate) seed: u64,
     pub(crate) ideas: Ideas,
 }

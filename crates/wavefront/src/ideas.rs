@@ -40,6 +40,9 @@ ideas! {
     leaves_anew,
     /// Leaves interpolate those factors that are smooth over the link's receiver. Without, they take all anew.
     smooth_factors,
+    /// Where leaves see lit surfaces wherever they look, what rays miss is shared out so that all factors add up to 1. Without,
+    /// every link keeps what its own rays found.
+    closed_rows,
     /// Leaves see large sources that are near part by part. Without, such a source is as bright all over as the link reads.
     parts_nearby,
     /// Where what rays leave open is a link's largest error, more rays are asked. Without, it is split.

@@ -10,7 +10,9 @@ use crate::field::{to_corners, to_samples};
 use crate::geometry::{Element, NONE};
 use crate::light::{Field, Light, add, add_times, bands, corners_of, cut, level, mean_over, quarter, quarter_of, rms};
 use crate::link::{CLUSTER, Link, State};
+use crate::rows::{Row, Samples, Share};
 use glam::Vec3;
+use isolux_simd::sphere::evaluate;
 use rayon::prelude::*;
 
 /// An element as the source of a leaf, with the visibility over the node at hand.
@@ -23,6 +25,8 @@ struct Seen {
     /// The largest factor that its link knows, and what factors are multiplied with, RMS over bands.
     most: f32,
     value: f32,
+    /// What its link leaves to chance.
+    share: Share,
     /// Middle and radius of the source.
     ball: (Vec3, f32),
 }
@@ -48,7 +52,10 @@ pub(crate) fn gather<const C: usize>(
             let polygon = rows[0].0;
             let mut leaves = Vec::new();
             let descent = Descent { rows, limit, light, evaluator };
-            descent.descend(polygon, base[polygon as usize], &mut Sources::default(), &mut leaves);
+            let field = base[polygon as usize];
+            let row = evaluator.row_of_groups(polygon, &field[0], light);
+            let arrives = Arriving { field, row };
+            descent.descend(polygon, arrives, &mut Sources::default(), &mut leaves);
             leaves
         })
         .collect();
@@ -57,6 +64,28 @@ pub(crate) fn gather<const C: usize>(
 
 /// Most levels below a leaf's source that are looked at where a leaf touches it.
 const DEEPEST: u32 = 4;
+
+/// What arrives at an element: its field, and what the sources of that add up to where leaves in closed surroundings ask.
+#[derive(Clone, Copy)]
+struct Arriving<const C: usize> {
+    field: Field<C>,
+    row: Row<C>,
+}
+
+/// What one source throws on five points, and the factors by which it does.
+struct Thrown<const C: usize> {
+    field: Field<C>,
+    factors: [f32; 5],
+}
+
+impl<const C: usize> Thrown<C> {
+    const NOTHING: Thrown<C> = Thrown { field: [[0.0; C]; 5], factors: [0.0; 5] };
+
+    fn add(&mut self, k: usize, factor: f32, value: &[f32; C]) {
+        add_times(&mut self.field[k], factor, value);
+        self.factors[k] += factor;
+    }
+}
 
 /// A leaf that looks at what is close to it.
 #[derive(Clone, Copy)]
@@ -68,9 +97,16 @@ struct Near<'a, const C: usize> {
 }
 
 impl<const C: usize> Near<'_, C> {
+    /// What a source throws on the leaf.
+    fn thrown(&self, entry: &Seen, value: &[f32; C]) -> Thrown<C> {
+        let mut thrown = Thrown::NOTHING;
+        self.add(&mut thrown, entry, value);
+        thrown
+    }
+
     /// Adds what a source throws on the leaf: all of it at once where the source is even or far, part by part where a point
     /// at one end of the leaf sees other parts of it than a point at the other.
-    fn add(&self, field: &mut Field<C>, entry: &Seen, value: &[f32; C]) {
+    fn add(&self, thrown: &mut Thrown<C>, entry: &Seen, value: &[f32; C]) {
         let Near { leaf, light, evaluator, .. } = *self;
         let source = &evaluator.elements[entry.source as usize];
         let factors = evaluator.factors(leaf, source);
@@ -81,16 +117,16 @@ impl<const C: usize> Near<'_, C> {
                 let radiosity = light.field[entry.source as usize]
                     .each_ref()
                     .map(|value| std::array::from_fn(|c| own[c] + rho[c % 3] * value[c]));
-                self.add_parts(field, source, &radiosity, DEEPEST);
+                self.add_parts(thrown, source, &radiosity, DEEPEST);
             } else {
                 for child in source.first_child..source.first_child + 4 {
-                    self.add(field, &Seen { source: child, ..*entry }, &light.radiosity[child as usize]);
+                    self.add(thrown, &Seen { source: child, ..*entry }, &light.radiosity[child as usize]);
                 }
             }
             return;
         }
         let at = if entry.whole { entry.at } else { to_samples(&entry.at, leaf.count).map(|at| at.clamp(0.0, 1.0)) };
-        (0..5).for_each(|k| add_times(&mut field[k], factors[k] * at[k], value));
+        (0..5).for_each(|k| thrown.add(k, factors[k] * at[k], value));
     }
 
     /// Do the leaf's points see a difference within the source?
@@ -104,7 +140,7 @@ impl<const C: usize> Near<'_, C> {
     }
 
     /// Adds the quarters of a source that has none, with what its field says of them.
-    fn add_parts(&self, field: &mut Field<C>, source: &Element, radiosity: &Field<C>, depth: u32) {
+    fn add_parts(&self, thrown: &mut Thrown<C>, source: &Element, radiosity: &Field<C>, depth: u32) {
         for (quadrant, part) in source.quarters(0).iter().enumerate() {
             let own = quarter(radiosity, source.count, quadrant);
             let value = mean_over(&own, part);
@@ -115,11 +151,11 @@ impl<const C: usize> Near<'_, C> {
                 .sum::<f32>();
             let deviation = [(square / (3 * part.count) as f32).sqrt(), 0.0];
             if depth > 1 && self.is_uneven(part, &factors, deviation) {
-                self.add_parts(field, part, &own, depth - 1);
+                self.add_parts(thrown, part, &own, depth - 1);
                 continue;
             }
             let value = cut(value);
-            (0..5).for_each(|k| add_times(&mut field[k], factors[k], &value));
+            (0..5).for_each(|k| thrown.add(k, factors[k], &value));
         }
     }
 }
@@ -197,9 +233,15 @@ struct Descent<'a, const C: usize> {
 }
 
 impl<const C: usize> Descent<'_, C> {
-    /// Appends the fields of the leaves below a node. `field`: what the nodes above it bring; `sources`: what they see, as
+    /// Appends the fields of the leaves below a node. `arrives`: what the nodes above it bring; `sources`: what they see, as
     /// it was after the call.
-    fn descend(&self, node: u32, mut field: Field<C>, sources: &mut Sources<C>, leaves: &mut Vec<(u32, Field<C>)>) {
+    fn descend(
+        &self,
+        node: u32,
+        mut arrives: Arriving<C>,
+        sources: &mut Sources<C>,
+        leaves: &mut Vec<(u32, Field<C>)>,
+    ) {
         let Descent { rows, limit, light, evaluator } = *self;
         let element = &evaluator.elements[node as usize];
         let before = sources.seen.len();
@@ -208,10 +250,16 @@ impl<const C: usize> Descent<'_, C> {
             for link in rows[row].2 {
                 let value = light.value(link, evaluator);
                 let (strength, ball) = (rms(bands(&value, 0)), evaluator.ball(link.source));
+                let share = if evaluator.has_closed() { evaluator.share(link, light) } else { Share::default() };
                 let most = link.factors.iter().fold(0.0_f32, |most, &factor| most.max(factor));
                 if link.source & CLUSTER != 0 || span.is_smooth(SMOOTH, most, strength, link.source, ball) {
                     let factors = to_corners(&link.factors, element.count);
-                    (0..5).for_each(|k| add_times(&mut field[k], factors[k], &value));
+                    (0..5).for_each(|k| add_times(&mut arrives.field[k], factors[k], &value));
+                    if evaluator.has_closed() {
+                        let even = self.even(link);
+                        let brings = link.factors.map(|factor| value.map(|value| factor * value));
+                        arrives.row.count(share, &link.factors.map(|factor| factor * even), &brings, element.count);
+                    }
                     continue;
                 }
                 let whole = is_whole(link.state);
@@ -223,33 +271,43 @@ impl<const C: usize> Descent<'_, C> {
                     at = std::array::from_fn(|k| if is_known(k) { (link.factors[k] / open[k]).min(1.0) } else { mean });
                     at = to_corners(&at, element.count);
                 }
-                sources.seen.push(Seen { source: link.source, at, whole, most, value: strength, ball });
+                sources.seen.push(Seen { source: link.source, at, whole, most, value: strength, share, ball });
                 sources.values.push(value);
             }
         }
         if !evaluator.ideas.linear_receivers {
-            level(&mut field, element.count);
+            level(&mut arrives.field, element.count);
         }
         if element.first_child == NONE {
-            let mut samples = [[0.0; C]; 5];
+            let (mut samples, mut own_row) = ([[0.0; C]; 5], Samples::NONE);
             let near = Near { leaf: element, limit, light, evaluator };
+            let is_closed = evaluator.is_closed(node);
             for (entry, value) in sources.seen.iter().zip(&sources.values) {
-                near.add(&mut samples, entry, value);
+                let thrown = near.thrown(entry, value);
+                add(&mut samples, &thrown.field);
+                if is_closed {
+                    own_row.count(entry.share, &thrown.factors, &thrown.field);
+                }
             }
             let mut own = corners_of(&samples, element.count);
             if !evaluator.ideas.linear_receivers {
                 level(&mut own, element.count);
             }
-            add(&mut field, &own);
-            leaves.push((node, field));
+            add(&mut arrives.field, &own);
+            if is_closed {
+                add(&mut arrives.field, &arrives.row.missing(&own_row, element.count));
+            }
+            leaves.push((node, arrives.field));
         } else {
             let count = element.count;
-            let here = self.left_below(element, &span, before, sources, &mut field);
+            let here = self.left_below(element, &span, before, sources, &mut arrives);
             let below = |quadrant: usize, sources: &mut Sources<C>, leaves: &mut Vec<(u32, Field<C>)>| {
                 for (entry, above) in sources.seen.iter_mut().zip(&here.seen).filter(|(_, above)| !above.whole) {
                     entry.at = quarter_of(&above.at, count, quadrant);
                 }
-                let part = quarter(&field, count, quadrant);
+                let field = quarter(&arrives.field, count, quadrant);
+                let row = if evaluator.has_closed() { arrives.row.quarter(count, quadrant) } else { Row::NONE };
+                let part = Arriving { field, row };
                 self.descend(element.first_child + quadrant as u32, part, sources, leaves);
             };
             if element.path.depth() < SIDE_BY_SIDE && rows.len() >= LONG {
@@ -276,7 +334,7 @@ impl<const C: usize> Descent<'_, C> {
         span: &Span<'_>,
         above: usize,
         sources: &Sources<C>,
-        field: &mut Field<C>,
+        arrives: &mut Arriving<C>,
     ) -> Sources<C> {
         let Descent { limit, light, evaluator, .. } = *self;
         let mut left = Sources::default();
@@ -284,14 +342,27 @@ impl<const C: usize> Descent<'_, C> {
         let near = Near { leaf: element, limit, light, evaluator };
         for (index, (entry, value)) in sources.seen.iter().zip(&sources.values).enumerate() {
             if index < above && span.is_smooth(SMOOTH_BELOW, entry.most, entry.value, entry.source, entry.ball) {
-                near.add(&mut samples, entry, value);
+                let thrown = near.thrown(entry, value);
+                add(&mut samples, &thrown.field);
+                if evaluator.has_closed() {
+                    arrives.row.count(entry.share, &thrown.factors, &thrown.field, element.count);
+                }
             } else {
                 left.seen.push(*entry);
                 left.values.push(*value);
             }
         }
-        add(field, &corners_of(&samples, element.count));
+        add(&mut arrives.field, &corners_of(&samples, element.count));
         left
+    }
+
+    /// What the source of a link would throw along it if everything threw 1, in units of its factors.
+    fn even(&self, link: &Link) -> f32 {
+        if link.source & CLUSTER == 0 {
+            return 1.0;
+        }
+        let towards = self.evaluator.ball(link.receiver).0 - self.evaluator.ball(link.source).0;
+        self.evaluator.even(link.source, &evaluate(towards.normalize_or(Vec3::X).to_array()))
     }
 }
 

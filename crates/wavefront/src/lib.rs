@@ -45,6 +45,7 @@ mod read;
 mod receiver;
 mod reopen;
 mod rounds;
+mod rows;
 #[cfg(test)]
 mod samples;
 mod sight;

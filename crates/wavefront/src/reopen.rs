@@ -13,6 +13,7 @@ use crate::link::{CLUSTER, Link, State};
 use crate::order::Order;
 use crate::outcome::{ClusterColumns, LinkColumns};
 use crate::rounds::Transport;
+use crate::rows::Closed;
 use crate::sky::Known;
 use crate::solve::{Before, Solved, settle};
 use glam::{DVec3, Vec3};
@@ -72,6 +73,7 @@ impl Solved {
         let mut light = Light::even([0.0; 3], &geometry, &clusters, &elements);
         light.field = remains.fields.to_vec();
         light.pull(&geometry, &clusters, &elements, &order);
+        let closed = Closed::new(&elements, &links, &geometry, &clusters);
         let geometry = Arc::new(geometry);
         let transport = Transport {
             geometry: geometry.clone(),
@@ -81,6 +83,7 @@ impl Solved {
             links,
             dark: Vec::new(),
             alone: Vec::new(),
+            closed,
             seed: 0,
             ideas: Ideas::default(),
             evaluated: 0,

@@ -12,6 +12,7 @@ use crate::link::{CLUSTER, Link, MIDDLE, State};
 use crate::oracle::{BULGE, ROUGH, Verdict, errors, is_splittable, verdict};
 use crate::order::{Order, arranged, places, renumber};
 use crate::read::samples;
+use crate::rows::Closed;
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -88,6 +89,8 @@ pub(crate) struct Transport {
     pub(crate) dark: Vec<Link>,
     /// Clusters whose members' exchange among themselves is neglected.
     pub(crate) alone: Vec<u32>,
+    /// Leaves in closed surroundings: those of the last refinement.
+    pub(crate) closed: Closed,
     pub(crate) seed: u64,
     pub(crate) ideas: Ideas,
     /// Evaluations of pairs so far.
@@ -97,8 +100,8 @@ pub(crate) struct Transport {
 
 impl Transport {
     pub(crate) fn evaluator(&self) -> Evaluator<'_> {
-        let Transport { geometry, clusters, elements, order, seed, ideas, .. } = self;
-        Evaluator { geometry, clusters, elements, order, seed: *seed, ideas: *ideas }
+        let Transport { geometry, clusters, elements, order, closed, seed, ideas, .. } = self;
+        Evaluator { geometry, clusters, elements, order, closed, seed: *seed, ideas: *ideas }
     }
 
     /// Refines everything that leaves more than `limit` in today's light. Where a bound of `budget` is broken before all is
@@ -149,6 +152,9 @@ impl Transport {
         }
         self.shine(light, limit.error);
         self.arrange(light);
+        if self.ideas.closed_rows {
+            self.closed = Closed::new(&self.elements, &self.links, &self.geometry, &self.clusters);
+        }
         bound
     }
 

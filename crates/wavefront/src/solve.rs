@@ -12,6 +12,7 @@ use crate::order::Order;
 use crate::outcome::Standing;
 use crate::rays::RAYS;
 use crate::rounds::{Limit, Transport};
+use crate::rows::Closed;
 use isolux_core::scene::Scene;
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -232,6 +233,7 @@ impl Prepared {
             links: Vec::new(),
             dark: Vec::new(),
             alone: vec![CLUSTER],
+            closed: Closed::default(),
             seed: request.seed,
             ideas: request.ideas,
             evaluated: 0,

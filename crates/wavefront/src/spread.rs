@@ -164,6 +164,19 @@ fn receive<const C: usize>(sums: &mut [[f32; C]], rows: &[&[Link]], thrown: &[[f
     send_down(&mut arriving, sums, evaluator);
 }
 
+/// What arrives at polygons over links of the groups that they are in, mean over bands, if elements throw `thrown`; `links`: sorted by
+/// receiver. Empty where groups have no links.
+pub(crate) fn by_groups(links: &[Link], thrown: &[[f32; 3]], evaluator: &Evaluator<'_>) -> Vec<f32> {
+    let to_groups = &links[..links.partition_point(|link| link.receiver & CLUSTER != 0)];
+    if to_groups.is_empty() {
+        return Vec::new();
+    }
+    let rows: Vec<&[Link]> = to_groups.chunk_by(|a, b| a.receiver == b.receiver).collect();
+    let mut sums = vec![[0.0; 3]; evaluator.geometry.surfaces.len()];
+    receive(&mut sums, &rows, thrown, evaluator);
+    sums.iter().map(|sum| sum.iter().sum::<f32>().max(0.0) / 3.0).collect()
+}
+
 /// Adds to all parts of elements what these have.
 fn push<const C: usize>(sums: &mut [[f32; C]], evaluator: &Evaluator<'_>) {
     let Evaluator { elements, order, .. } = *evaluator;
@@ -181,7 +194,7 @@ fn push<const C: usize>(sums: &mut [[f32; C]], evaluator: &Evaluator<'_>) {
 }
 
 /// What clusters throw, by direction.
-fn intensities<const C: usize>(thrown: &[[f32; C]], evaluator: &Evaluator<'_>) -> Vec<Directional<C>> {
+pub(crate) fn intensities<const C: usize>(thrown: &[[f32; C]], evaluator: &Evaluator<'_>) -> Vec<Directional<C>> {
     let roots: Vec<Root<C>> = (0..evaluator.geometry.surfaces.len())
         .into_par_iter()
         .with_min_len(1024)
