@@ -3,9 +3,9 @@
 //! without a surface.
 
 use crate::clusters::{Cluster, Clusters};
-use crate::contacts::Contacts;
+use crate::contacts::{Contacts, mark, split};
 use crate::control::Control;
-use crate::geometry::{Geometry, NONE};
+use crate::geometry::{Element, Geometry, NONE};
 use crate::ideas::Ideas;
 use crate::lamps::{ALL_ONLY, lit_leaves};
 use crate::light::{Light, add};
@@ -45,35 +45,26 @@ impl Solved {
     #[must_use]
     pub fn reopened(scene: Arc<Scene>, remains: &Remains<'_>) -> Solved {
         let mut geometry = Geometry::new(scene.clone());
-        let mut elements = geometry.bare_roots();
-        // Quarters are appended in the order of their numbers.
-        let mut parents: Vec<(u32, u32)> = remains
-            .elements
-            .as_slice()
-            .iter()
-            .enumerate()
-            .filter_map(|(index, element)| element.first_child.some().map(|first| (first.0, index as u32)))
-            .collect();
-        parents.sort_unstable();
-        for (first, parent) in parents {
-            let quarters = elements[parent as usize].quarters(parent);
-            elements[parent as usize].first_child = first;
-            elements.extend(quarters);
-        }
-        for (element, share) in elements.iter_mut().zip(remains.open_shares) {
+        let mut roots = geometry.bare_roots();
+        let clusters = clusters_of(remains.clusters, &roots, geometry.middle);
+        geometry.contacts = Contacts::new(&geometry, &clusters, &roots);
+        mark(&mut roots, &geometry, true);
+        let marked = quartered(roots, remains.elements, &geometry);
+        let plain = |(element, share): (&Element, &f64)| {
             // What counts of a leaf is how many of its sixteen parts are open.
             let parts = (share * 16.0).round().clamp(0.0, 16.0) as u32;
-            element.open = if element.first_child == NONE { ((1_u32 << parts) - 1) as u16 } else { u16::MAX };
-        }
-        let clusters = clusters_of(remains.clusters, &elements, geometry.middle);
-        geometry.contacts = Contacts::new(&geometry, &clusters, &elements[..geometry.surfaces.len()]);
+            let open = if element.first_child == NONE { ((1_u32 << parts) - 1) as u16 } else { u16::MAX };
+            Element { open, crossed: false, lined: 0, divided: false, ..*element }
+        };
+        let elements: Vec<Element> = marked.iter().zip(remains.open_shares).map(plain).collect();
         let count = elements.len() as u32;
         let links = links_of(remains.links, count);
         let order = Order::new(&elements, geometry.surfaces.len());
         let mut light = Light::even([0.0; 3], &geometry, &clusters, &elements);
         light.field = remains.fields.to_vec();
         light.pull(&geometry, &clusters, &elements, &order);
-        let closed = Closed::new(&elements, &links, &geometry, &clusters);
+        // Lines of contact are looked at as they were.
+        let closed = Closed::new(&marked, &links, &geometry, &clusters);
         let geometry = Arc::new(geometry);
         let transport = Transport {
             geometry: geometry.clone(),
@@ -122,7 +113,24 @@ impl Solved {
     }
 }
 
-fn clusters_of(columns: &ClusterColumns, roots: &[crate::geometry::Element], middle: DVec3) -> Clusters {
+/// The quadtrees of a solve over these roots: quarters are appended in the order of their numbers.
+fn quartered(roots: Vec<Element>, wanted: &Elements, geometry: &Geometry) -> Vec<Element> {
+    let parents = wanted.as_slice().iter().enumerate();
+    let mut parents: Vec<(u32, u32)> = parents
+        .filter_map(|(index, element)| element.first_child.some().map(|first| (first.0, index as u32)))
+        .collect();
+    parents.sort_unstable();
+    let (mut elements, mut rest) = (roots, &parents[..]);
+    while !rest.is_empty() {
+        // As many as are there.
+        let there = rest.iter().take_while(|(_, parent)| (*parent as usize) < elements.len()).count().max(1);
+        split(&mut elements, rest[..there].iter().map(|&(_, parent)| parent), geometry);
+        rest = &rest[there..];
+    }
+    elements
+}
+
+fn clusters_of(columns: &ClusterColumns, roots: &[Element], middle: DVec3) -> Clusters {
     let count = columns.parent.len();
     let mut nodes: Vec<Cluster> = (0..count)
         .map(|index| {

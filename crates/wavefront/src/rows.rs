@@ -279,6 +279,8 @@ mod tests {
     use crate::control::Control;
     use crate::leaves::gather;
     use crate::light::mean_over;
+    use crate::outcome::Outcome;
+    use crate::reopen::Remains;
     use crate::samples::painted;
     use crate::solve::{Prepared, Request, Solved};
     use isolux_core::scene::{BuildOptions, Scene};
@@ -326,6 +328,21 @@ mod tests {
         let missing = Row::NONE.missing(&own, 4);
         let deviation = 0.01 * 0.9;
         assert!(missing.iter().flatten().all(|&value| value > 0.0 && value <= MOST * deviation), "{missing:?}");
+    }
+
+    /// Catches light by groups, or of other surfaces, that is gathered from a file by other rules than those of the solve.
+    #[test]
+    fn leaves_are_closed_in_a_file_as_in_the_solve() {
+        let solved = of_file("two_rooms.glb", 0.05);
+        let scene = solved.geometry.scene.clone();
+        let outcome = solved.outcome(&scene);
+        let open_shares = outcome.light.open_shares();
+        let Outcome { elements, fields, sky, links, clusters, limit, .. } = &outcome;
+        let remains = Remains { elements, open_shares, fields, sky, links, clusters, limit: *limit };
+        let reopened = Solved::reopened(scene, &remains);
+        let (own, other) = (&solved.transport.closed, &reopened.transport.closed);
+        assert!(own.leaves.contains(&true));
+        assert_eq!(own.leaves, other.leaves);
     }
 
     /// Catches rows that are completed where light escapes: of a box, of one without a lid, and of one whose lid leaves a gap of
