@@ -82,8 +82,9 @@ fn faces_in_one_place_count_once() {
         let (off, claimed) = (apart(&solution, &exact), solution.report().error_estimate.unwrap().total);
         assert!(off < error, "{error}: {off}");
         assert!((0.5..2.0).contains(&(claimed / off)), "{error}: off by {off}, claimed {claimed}");
-        // Measured 0.0111 with 170 elements, at 5 %; mean irradiance is as far off.
-        assert!(imbalance(&solution) < error.mul_add(0.1, 0.008), "{error}: {:?}", solution.report().energy);
+        // Measured 0.0111 at 5 %, with 170 elements.
+        let bound = if error > 0.02 { 0.012 } else { 0.01 };
+        assert!(imbalance(&solution) < bound, "{error}: {:?}", solution.report().energy);
     }
 }
 

@@ -6,8 +6,8 @@
 //! 2. Stages ([`Prepared::solve`]). Each refines links in rounds (evaluate all, keep or split each, go on with the parts),
 //!    gathers over them until light settles, gathers once more at the leaves' own points, and asks independent rays how
 //!    wrong that is. The first stage is coarse; each later one lets links leave less, until the asked error is reached.
-//! 3. [`Solved::outcome`]: everything by number, from which [`Solved::reopened`] goes on, without a ray for any link, to the same light
-//!    by groups of emitters ([`Solved::columns`]), and to other light when surfaces change ([`Solved::regathered`]).
+//! 3. [`Solved::outcome`]: everything by number, from which [`Solved::reopened`] goes on, without a ray for any link, to
+//!    the same light by groups of emitters ([`Solved::columns`]), and to other light when surfaces change ([`Solved::regathered`]).
 //!    [`Solved::check_columns`]: how wrong the light of each group is, by rays again. [`Solved::balance`],
 //!    [`Solved::row_sums`]: where the light went, and what the links account for.
 //!

@@ -1,6 +1,6 @@
 //! A solve from what it left behind: elements, links, clusters and fields by number go in, a solve that can gather over its
-//! links again comes out. No ray is traced, save to lamps
-//! without a surface.
+//! links again comes out. No ray is traced for a link; some are to lamps without a
+//! surface, and to tell which leaves are covered and which are closed in.
 
 use crate::clusters::{Cluster, Clusters};
 use crate::contacts::{Contacts, mark, split};

@@ -78,24 +78,22 @@ impl Closed {
                 if is_leaf { missed(element, geometry) } else { u32::MAX }
             })
             .collect();
+        let both = |one: [u32; 2], other: [u32; 2]| [one[0] + other[0], one[1] + other[1]];
         // Rays, and those of them that end on nothing lit, of an element and all below it; then of clusters.
         let mut seen: Vec<[u32; 2]> =
             missed.iter().map(|&missed| if missed < HOLLOW { [RAYS, missed] } else { [0; 2] }).collect();
         // Parents come before their quarters.
         for index in (0..elements.len()).rev().filter(|&index| elements[index].parent != NONE) {
-            let own = seen[index];
-            let above = &mut seen[elements[index].parent as usize];
-            *above = [above[0] + own[0], above[1] + own[1]];
+            let parent = elements[index].parent as usize;
+            seen[parent] = both(seen[parent], seen[index]);
         }
         let mut of_groups = vec![[0_u32; 2]; clusters.nodes.len()];
         for (polygon, &home) in clusters.home.iter().enumerate().filter(|(_, home)| **home != NONE) {
-            let sum = &mut of_groups[home as usize];
-            *sum = [sum[0] + seen[polygon][0], sum[1] + seen[polygon][1]];
+            of_groups[home as usize] = both(of_groups[home as usize], seen[polygon]);
         }
         for index in (1..clusters.nodes.len()).rev() {
-            let own = of_groups[index];
-            let above = &mut of_groups[clusters.nodes[index].parent as usize];
-            *above = [above[0] + own[0], above[1] + own[1]];
+            let parent = clusters.nodes[index].parent as usize;
+            of_groups[parent] = both(of_groups[parent], of_groups[index]);
         }
         let is_closed = |leaf: usize| {
             if missed[leaf] > 0 {
@@ -342,7 +340,35 @@ mod tests {
         let reopened = Solved::reopened(scene, &remains);
         let (own, other) = (&solved.transport.closed, &reopened.transport.closed);
         assert!(own.leaves.contains(&true));
-        assert_eq!(own.leaves, other.leaves);
+        assert!(own.leaves == other.leaves);
+    }
+
+    /// Catches lamps whose light is shared out, single or in groups, and what is proven that is taken for chance.
+    #[test]
+    fn lamps_and_what_is_proven_leave_nothing_to_share_out() {
+        let solved = of_file("room.glb", 0.1);
+        let Solved { transport, light, .. } = &solved;
+        let (evaluator, clusters) = (transport.evaluator(), &transport.clusters);
+        let shines = |polygon: u32| transport.geometry.surfaces[polygon as usize].emission != [0.0; 3];
+        // Of lamps, proven ones, and others.
+        let mut found = [0; 3];
+        for link in transport.links.iter().filter(|link| link.source & CLUSTER == 0) {
+            let share = evaluator.share(link, light);
+            let is_lamp = shines(transport.elements[link.source as usize].polygon);
+            let is_proven = link.state.is(State::CLEAR);
+            assert!(!(is_lamp && share.counts) && is_proven == (share.chance == 0.0), "{link:?}");
+            found[0] += i32::from(is_lamp);
+            found[1] += i32::from(is_proven);
+            found[2] += i32::from(share.counts && share.chance > 0.0);
+        }
+        // Measured 14,867, 3,791 and some 50,000.
+        assert!(found.iter().all(|&count| count > 1000), "{found:?}");
+        for group in 0..clusters.nodes.len() as u32 {
+            let link = Link { source: group | CLUSTER, ..transport.links[0] };
+            let has_lamp = clusters.members(group).iter().any(|&polygon| shines(polygon));
+            assert_eq!(evaluator.share(&link, light).counts, !has_lamp, "{group}");
+        }
+        assert!(!evaluator.share(&Link { source: CLUSTER, ..transport.links[0] }, light).counts);
     }
 
     /// Catches rows that are completed where light escapes: of a box, of one without a lid, and of one whose lid leaves a gap of
@@ -407,6 +433,6 @@ mod tests {
             even / all
         });
         // Measured 0.55 and 0.15.
-        assert!(together > 0.45 && together > 2.5 * alone, "{together} {alone}");
+        assert!(together > 0.5 && together > 3.0 * alone, "{together} {alone}");
     }
 }
