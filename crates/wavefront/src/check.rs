@@ -23,7 +23,7 @@ use std::ops::Range;
 /// Least and most points, and elements for each in between. The error of the estimate falls with their square root only, so
 /// that a coarse solution is checked in less time than it takes to make; where few places hold most of the error, as in a
 /// fine one, many points find them.
-const POINTS: (usize, usize) = (2048, 8192);
+pub(crate) const POINTS: (usize, usize) = (2048, 8192);
 const ELEMENTS_PER_POINT: usize = 16;
 
 /// Directions of a batch are strata of s by s, for an asked error e: s = `SIDE_PER_ERROR` / e, within bounds. What is
@@ -339,6 +339,11 @@ pub(crate) struct Effort {
 }
 
 impl Effort {
+    /// Rays of a check of so many points, where it is no brighter than on average.
+    pub(crate) fn rays(self, error: f64) -> u64 {
+        self.points.unwrap_or(POINTS.1) as u64 * Rays::new(error).times(self.sides).of_point()
+    }
+
     /// About four times as many rays, where they tell most: from each point, where what they leave to chance holds most of the
     /// standard error, whose part in it falls with their number, or from more points, with whose number's root all of it falls.
     pub(crate) fn more(self, found: &Check, by_rays: f64) -> Effort {
