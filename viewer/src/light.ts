@@ -3,7 +3,7 @@
 import { NONE, scalarWeights, dot, type Bands, type ViewData } from "./data";
 import { MixError } from "./mixerror";
 import { bilinearCoordinates, fieldAt, meanOfField } from "./place";
-import { areaOf, cross, quarter, subtract, type Corners, type Trees } from "./tree";
+import { areaOf, cross, partOf, subtract, type Corners, type Trees } from "./tree";
 
 /** Radiosity and area by element, for what links carry. */
 interface ByElement {
@@ -216,7 +216,7 @@ export class Light {
       const sums = new Float64Array(6);
       for (let k = 0; k < 4; k++) {
         const child = first + k;
-        below(child, quarter(corners, k), polygon);
+        below(child, partOf(corners, trees.cut[id]!, k), polygon);
         areas[id]! += areas[child]!;
         openAreas[id]! += openAreas[child]!;
         for (let band = 0; band < 3; band++) {

@@ -7,6 +7,8 @@ export type Corners = Bands[];
 
 export class Trees {
   readonly firstChild: Uint32Array;
+  /** How children cut each element. */
+  readonly cut: Uint8Array;
   readonly rootPolygon: Uint32Array;
   readonly roots: number;
   /** Row of each leaf among the leaves; NONE for inner elements. */
@@ -18,6 +20,7 @@ export class Trees {
 
   constructor(data: ViewData) {
     this.firstChild = data.u32("elements/first_child");
+    this.cut = data.u8("elements/cut");
     this.rootPolygon = data.u32("roots/polygon");
     this.rootCorners = data.f64("roots/corners");
     this.rootCount = data.u8("roots/corner_count");
@@ -69,7 +72,7 @@ export class Trees {
   corners(id: number): Corners {
     const parent = this.parent[id]!;
     if (parent === NONE) return this.cornersOfRoot(id);
-    return quarter(this.corners(parent), id - this.firstChild[parent]!);
+    return partOf(this.corners(parent), this.cut[parent]!, id - this.firstChild[parent]!);
   }
 
   /** Quadrants from the root down. */
@@ -86,9 +89,10 @@ export class Trees {
     let id = root;
     let corners = this.cornersOfRoot(root);
     while (this.firstChild[id] !== NONE) {
-      const quadrant = quadrantOf(corners, normal, point);
-      corners = quarter(corners, quadrant);
-      id = this.firstChild[id]! + quadrant;
+      const cut = this.cut[id]!;
+      const part = partAt(corners, cut, normal, point);
+      corners = partOf(corners, cut, part);
+      id = this.firstChild[id]! + part;
     }
     return { leaf: id, corners };
   }
@@ -101,7 +105,7 @@ export class Trees {
         visit(id, corners, level);
         return;
       }
-      for (let k = 0; k < 4; k++) below(first + k, quarter(corners, k), level + 1);
+      for (let k = 0; k < 4; k++) below(first + k, partOf(corners, this.cut[id]!, k), level + 1);
     };
     below(root, this.cornersOfRoot(root), 0);
   }
@@ -111,8 +115,41 @@ function middle(a: Bands, b: Bands): Bands {
   return [(a[0] + b[0]) * 0.5, (a[1] + b[1]) * 0.5, (a[2] + b[2]) * 0.5];
 }
 
+/** Cuts into strips along the first side, and along the second; what is neither is cut into quarters. */
+const ALONG = 1;
+const ACROSS = 2;
+
+/** Ends of the cut between strips k - 1 and k of a quadrilateral. */
+function stripEnds(corners: Corners, cut: number, k: number): [Bands, Bands] {
+  const [a, b, c, d] = corners as [Bands, Bands, Bands, Bands];
+  const at = (from: Bands, to: Bands): Bands => {
+    const half = middle(from, to);
+    return [from, middle(from, half), half, middle(half, to), to][k]!;
+  };
+  return cut === ALONG ? [at(a, b), at(d, c)] : [at(b, c), at(a, d)];
+}
+
+/** Part k of a patch. */
+export function partOf(corners: Corners, cut: number, k: number): Corners {
+  if (cut !== ALONG && cut !== ACROSS) return quarter(corners, k);
+  const [first, second] = [stripEnds(corners, cut, k), stripEnds(corners, cut, k + 1)];
+  return cut === ALONG
+    ? [first[0], second[0], second[1], first[1]]
+    : [first[1], first[0], second[0], second[1]];
+}
+
+/** Which part of a patch holds a point of its plane. */
+function partAt(corners: Corners, cut: number, normal: Bands, point: Bands): number {
+  if (cut !== ALONG && cut !== ACROSS) return quadrantOf(corners, normal, point);
+  for (let k = 1; k < 4; k++) {
+    const [near, far] = stripEnds(corners, cut, k);
+    if (dot(normal, cross(subtract(far, near), subtract(point, near))) > 0) return k - 1;
+  }
+  return 3;
+}
+
 /** Quarter k of a patch; quadrant k < n touches corner k, the fourth of a triangle is its middle. */
-export function quarter(corners: Corners, k: number): Corners {
+function quarter(corners: Corners, k: number): Corners {
   const [a, b, c] = corners as [Bands, Bands, Bands];
   if (corners.length === 3) {
     const [ab, bc, ca] = [middle(a, b), middle(b, c), middle(c, a)];

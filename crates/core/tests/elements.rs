@@ -8,7 +8,7 @@ use inputs::v;
 use isolux_core::DVec3;
 use isolux_core::sampling::Stream;
 use isolux_core::scene::{Corners, Plane};
-use isolux_core::tree::{Element, ElementId, Elements, Path};
+use isolux_core::tree::{Cut, Element, ElementId, Elements, Path};
 use proptest::prelude::*;
 
 fn plane_of(corners: &Corners) -> Plane {
@@ -49,6 +49,46 @@ fn quarters_are_where_the_quadrants_say() {
     }
     assert_eq!(corners_of(3), Corners::triangle(v(2.0, 2.0, 1.0), v(0.0, 2.0, 1.0), v(2.0, 0.0, 1.0)));
     elements.check().unwrap();
+}
+
+/// Catches strips in the wrong places, trees that forget how they were cut, points that are found in the wrong strip, and
+/// corners that a neighbour in quarters does not have bit for bit.
+#[test]
+fn strips_stand_side_by_side() {
+    let (a, b, c, d) = (v(0.1, 0.2, 0.3), v(7.3, 0.5, -0.2), v(7.5, 1.1, -0.1), v(0.3, 0.8, 0.4));
+    let bend =
+        |d: DVec3| d - plane_of(&Corners::triangle(a, b, c)).normal * plane_of(&Corners::triangle(a, b, c)).distance(d);
+    for (quad, cut) in [(Corners::quad(a, b, c, bend(d)), Cut::Along), (Corners::quad(b, c, bend(d), a), Cut::Across)] {
+        let mut elements = tree(&[quad, quad]);
+        let first = elements.split_as(ElementId(0), cut);
+        assert_eq!(elements.cut(ElementId(0)), cut);
+        elements.check().unwrap();
+        for k in 0..4 {
+            let strip = elements.get(ElementId(first.0 + k));
+            assert_eq!(elements.locate(ElementId(0), strip.corners.mean()), ElementId(first.0 + k));
+            assert!(strip.corners.iter().all(|&corner| depth_inside(&quad, &plane_of(&quad), corner) > -1e-12));
+            // The long side is quartered, the short one is as it was.
+            let sides = [0, 1].map(|side| strip.corners[side].distance(strip.corners[side + 1]));
+            let whole = [0, 1].map(|side| quad[side].distance(quad[side + 1]));
+            let long = usize::from(cut == Cut::Across);
+            assert!(
+                (sides[long] / whole[long] - 0.25).abs() < 1e-2
+                    && (sides[1 - long] / whole[1 - long] - 1.0).abs() < 1e-2
+            );
+        }
+        // Two levels of quarters have every corner of one level of strips that lies on the long sides.
+        let quarters = elements.split(ElementId(1));
+        for k in 0..4 {
+            elements.split(ElementId(quarters.0 + k));
+        }
+        assert_eq!(elements.cut(ElementId(1)), Cut::Quarters);
+        let corners = |root: u32| -> Vec<[u64; 3]> {
+            let leaves = elements.as_slice().iter().filter(|node| node.polygon == root);
+            leaves.flat_map(|node| node.corners.to_vec()).map(|corner| corner.to_array().map(f64::to_bits)).collect()
+        };
+        let shared: std::collections::HashSet<[u64; 3]> = corners(1).into_iter().collect();
+        assert!(corners(0).iter().all(|corner| shared.contains(corner)), "{cut:?}");
+    }
 }
 
 /// Catches a second split that adds children again, or leaves that are counted wrongly.

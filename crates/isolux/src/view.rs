@@ -27,6 +27,7 @@
 //! | `mesh/leaf` u32 (t), `mesh/bilinear` u8 (t) | without fields: the element of each triangle; 1 and 2 where it is the first or the second half of a quadrilateral in which values are bilinear, else 0 |
 //! | `roots/corners` f64 (r, 4, 3), `roots/corner_count` u8 (r), `roots/polygon` u32 (r) | roots of the quadtrees; not relative |
 //! | `elements/first_child` u32 (n) | the first of four children, or `NONE`; roots come first |
+//! | `elements/cut` u8 (n) | how children cut it: 0 into quarters, 1 into strips along the first side, 2 along the second |
 //! | `elements/open` f32 (n) | share that nothing covers |
 //! | `elements/field` f32 (g, l, 5, 3) | irradiance of leaves at their corners (the fourth of a triangle means nothing) and their middle |
 //! | `elements/mean` f32 (g, l, 3) | without fields: mean irradiance of the open part of leaves |
@@ -240,6 +241,8 @@ impl Solution {
         body.add("roots/corner_count", &[], roots.iter().map(|root| root.corners.len() as u8));
         body.add("roots/polygon", &[], roots.iter().map(|root| root.polygon));
         body.add("elements/first_child", &[], elements.as_slice().iter().map(|element| element.first_child.0));
+        let cuts = (0..elements.len() as u32).map(|id| elements.cut(ElementId(id)));
+        body.add("elements/cut", &[], cuts.map(|cut| cut as u8));
         body.add("elements/open", &[], light.open_shares().iter().map(|&share| share as f32));
 
         let bytes = groups * leaves.len() * size_of::<[[f32; 3]; 5]>();

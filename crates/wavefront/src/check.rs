@@ -7,7 +7,7 @@ use crate::geometry::{Element, Geometry, NONE};
 use crate::lamps::at_place;
 use crate::light::{Bands, Field, Light, bands, mean_over, rms};
 use crate::rays::{Packet, RAYS, even_point_of};
-use crate::read::{Reader, quadrant};
+use crate::read::{Reader, part_at};
 use crate::receiver::Receiver;
 use crate::rounds::Transport;
 use crate::sky::{Care, Parts, at_point};
@@ -749,7 +749,7 @@ impl Place {
             if element.first_child == NONE {
                 return node;
             }
-            let child = element.first_child + quadrant(element, normal, self.point) as u32;
+            let child = element.first_child + part_at(element, normal, self.point) as u32;
             if transport.elements[child as usize].area < area {
                 return node;
             }

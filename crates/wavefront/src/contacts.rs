@@ -10,6 +10,7 @@ use crate::packed::{Extent, Packed};
 use crate::rays::{RAYS, own_point};
 use crate::read::quadrant;
 use glam::Vec3;
+use isolux_core::tree::Cut;
 use isolux_simd::bvh::Hit;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -491,15 +492,16 @@ pub(crate) fn split(elements: &mut Vec<Element>, nodes: impl IntoIterator<Item =
 
 fn quarters_of(element: &Element, own: u32, geometry: &Geometry) -> [Element; 4] {
     let normal = geometry.surfaces[element.polygon as usize].normal;
-    let mut quarters = element.quarters(own);
+    let mut quarters = element.parts(own);
     for (quadrant, quarter) in quarters.iter_mut().enumerate() {
         quarter.open = element.open;
         if element.crossed {
             let mut lines = geometry.contacts.near(quarter, geometry.tolerance);
             quarter.crossed = lines.any(|line| crosses(quarter, line, normal, geometry.tolerance));
-            // Quarters of the quarter are parts of the element.
+            // Quarters of a quarter are among the sixteen parts of the element; strips lie across them.
             let among = (0..4).filter(|k| element.lined >> (4 * quadrant + k) & 1 == 1);
-            quarter.lined = lined_parts(quarter, among.fold(0, |parts, k| parts | 0b1111 << (4 * k)), geometry);
+            let among = among.fold(0, |parts, k| parts | 0b1111 << (4 * k));
+            quarter.lined = lined_parts(quarter, if element.cut == Cut::Quarters { among } else { u16::MAX }, geometry);
             (quarter.open, quarter.divided) = open_parts(quarter, geometry);
         }
     }

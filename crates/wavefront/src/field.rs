@@ -75,6 +75,7 @@ pub(crate) fn to_samples(corners: &[f32; 5], count: u8) -> [f32; 5] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use isolux_core::tree::Cut;
     use proptest::prelude::*;
 
     proptest! {
@@ -98,7 +99,7 @@ mod tests {
             for path in 0..64_usize {
                 let part = [path & 3, path >> 2 & 3, path >> 4]
                     .iter()
-                    .fold(corners, |part, &quadrant| crate::light::quarter_of(&part, count, quadrant));
+                    .fold(corners, |part, &quadrant| crate::light::part_of(&part, count, Cut::Quarters, quadrant));
                 sum += part[..count as usize].iter().sum::<f32>() / f32::from(count);
             }
             // At the third level the mean of the corners is off the mean by a 64th of the bulge's.

@@ -8,7 +8,7 @@ use crate::sky::Dome;
 use glam::{DVec3, Vec3};
 use isolux_core::sampling::Stream;
 use isolux_core::scene::{Corners, Scene};
-use isolux_core::tree::Path;
+use isolux_core::tree::{Cut, Path};
 use isolux_simd::bvh::{Bvh8, Filter, Hit, Primitive, Rays};
 use isolux_simd::lanes::Backend;
 use std::sync::Arc;
@@ -51,6 +51,8 @@ pub(crate) struct Element {
     pub(crate) divided: bool,
     /// Which of its sixteen parts, in the order of the quadtree, nothing covers.
     pub(crate) open: u16,
+    /// How it is cut into parts, when it is.
+    pub(crate) cut: Cut,
     pub(crate) path: Path,
 }
 
@@ -92,8 +94,43 @@ impl Element {
             lined: 0,
             divided: false,
             open: u16::MAX,
+            cut: Cut::Quarters,
             path,
         }
+    }
+
+    /// The cut that makes it less long: see [`Cut::of_sides`].
+    pub(crate) fn compact_cut(&self) -> Cut {
+        if self.count == 3 {
+            return Cut::Quarters;
+        }
+        let [a, b, c, d] = self.corners;
+        let (along, across) = (b - a + c - d, d - a + c - b);
+        Cut::of_sides(along.length_squared().into(), across.length_squared().into())
+    }
+
+    /// What it is cut into. Strips may be long themselves; quarters are as long as it is.
+    pub(crate) fn parts(&self, own: u32) -> [Element; 4] {
+        if self.cut == Cut::Quarters {
+            return self.quarters(own);
+        }
+        let [a, b, c, d] = self.corners;
+        let middle = |a: Vec3, b: Vec3| (a + b) * 0.5;
+        let quartered = |from: Vec3, to: Vec3| {
+            let half = middle(from, to);
+            [from, middle(from, half), half, middle(half, to), to]
+        };
+        let along = self.cut == Cut::Along;
+        let (near, far) = if along { (quartered(a, b), quartered(d, c)) } else { (quartered(a, d), quartered(b, c)) };
+        std::array::from_fn(|k| {
+            let corners = if along {
+                [near[k], near[k + 1], far[k + 1], far[k]]
+            } else {
+                [near[k], far[k], far[k + 1], near[k + 1]]
+            };
+            let part = Element::new(corners, 4, self.polygon, own, self.path.child(k as u32));
+            Element { cut: part.compact_cut(), ..part }
+        })
     }
 
     /// Its quarters: quarter k < n touches corner k, the fourth of a triangle is its middle.

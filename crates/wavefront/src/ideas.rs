@@ -63,6 +63,8 @@ ideas! {
     dark_links,
     /// Rays meet parallelograms as one primitive. Without, as two triangles, in a tree that the solve makes at its begin.
     parallelograms,
+    /// Elements of more than eight times their width are cut into strips. Without, into quarters, which are as long.
+    strips,
     /// Elements that a line of contact runs through know which of their parts are open, and are split along it. Without, a
     /// polygon is open or covered as a whole.
     contact_lines,

@@ -7,12 +7,13 @@
 use crate::contacts::split;
 use crate::control::{Bound, Budget};
 use crate::geometry::{Element, Geometry, NONE};
-use crate::light::{Bands, Field, Light, add, mean, mean_over, quarter};
+use crate::light::{Bands, Field, Light, add, mean, mean_over, part};
 use crate::rays::{Packet, RAYS, own_point};
 use crate::receiver::Receiver;
 use crate::rounds::{Limit, Transport};
 use glam::Vec3;
 use isolux_core::scene::Lamp;
+use isolux_core::tree::Cut;
 use rayon::prelude::*;
 use std::array::from_fn;
 use std::sync::LazyLock;
@@ -440,12 +441,12 @@ impl Light {
     }
 
     /// What a quarter has of lamps' light until it is asked itself.
-    pub(crate) fn adopt_lit(&mut self, parent: usize, count: u8, quadrant: usize) {
+    pub(crate) fn adopt_lit(&mut self, parent: usize, count: u8, cut: Cut, part: usize) {
         if !self.lit.is_empty() {
-            self.lit.push(quarter(&self.lit[parent], count, quadrant));
+            self.lit.push(self::part(&self.lit[parent], count, cut, part));
             self.lit_error.push(f32::NAN);
         }
-        self.adopt_sky(parent, count, quadrant);
+        self.adopt_sky(parent, count, cut, part);
     }
 }
 

@@ -8,7 +8,7 @@
 use crate::evaluate::Evaluator;
 use crate::field::{to_corners, to_samples};
 use crate::geometry::{Element, NONE};
-use crate::light::{Field, Light, add, add_times, bands, corners_of, cut, level, mean_over, quarter, quarter_of, rms};
+use crate::light::{Field, Light, add, add_times, bands, corners_of, cut, level, mean_over, part, part_of, rms};
 use crate::link::{CLUSTER, Link, State};
 use crate::rows::{Row, Samples, Share};
 use glam::Vec3;
@@ -141,8 +141,8 @@ impl<const C: usize> Near<'_, C> {
 
     /// Adds the quarters of a source that has none, with what its field says of them.
     fn add_parts(&self, thrown: &mut Thrown<C>, source: &Element, radiosity: &Field<C>, depth: u32) {
-        for (quadrant, part) in source.quarters(0).iter().enumerate() {
-            let own = quarter(radiosity, source.count, quadrant);
+        for (index, part) in source.parts(0).iter().enumerate() {
+            let own = self::part(radiosity, source.count, source.cut, index);
             let value = mean_over(&own, part);
             let factors = self.evaluator.factors(self.leaf, part);
             let square = (0..part.count as usize)
@@ -299,27 +299,27 @@ impl<const C: usize> Descent<'_, C> {
             }
             leaves.push((node, arrives.field));
         } else {
-            let count = element.count;
+            let (count, cut) = (element.count, element.cut);
             let here = self.left_below(element, &span, before, sources, &mut arrives);
-            let below = |quadrant: usize, sources: &mut Sources<C>, leaves: &mut Vec<(u32, Field<C>)>| {
+            let below = |index: usize, sources: &mut Sources<C>, leaves: &mut Vec<(u32, Field<C>)>| {
                 for (entry, above) in sources.seen.iter_mut().zip(&here.seen).filter(|(_, above)| !above.whole) {
-                    entry.at = quarter_of(&above.at, count, quadrant);
+                    entry.at = part_of(&above.at, count, cut, index);
                 }
-                let field = quarter(&arrives.field, count, quadrant);
-                let row = if evaluator.has_closed() { arrives.row.quarter(count, quadrant) } else { Row::NONE };
+                let field = part(&arrives.field, count, cut, index);
+                let row = if evaluator.has_closed() { arrives.row.part(count, cut, index) } else { Row::NONE };
                 let part = Arriving { field, row };
-                self.descend(element.first_child + quadrant as u32, part, sources, leaves);
+                self.descend(element.first_child + index as u32, part, sources, leaves);
             };
             if element.path.depth() < SIDE_BY_SIDE && rows.len() >= LONG {
-                let parts = (0..4).into_par_iter().map(|quadrant| {
+                let parts = (0..4).into_par_iter().map(|index| {
                     let mut leaves = Vec::new();
-                    below(quadrant, &mut here.clone(), &mut leaves);
+                    below(index, &mut here.clone(), &mut leaves);
                     leaves
                 });
                 leaves.extend(parts.collect::<Vec<_>>().concat());
             } else {
                 let mut own = here.clone();
-                (0..4).for_each(|quadrant| below(quadrant, &mut own, leaves));
+                (0..4).for_each(|index| below(index, &mut own, leaves));
             }
         }
         sources.seen.truncate(before);
@@ -371,6 +371,7 @@ impl<const C: usize> Descent<'_, C> {
 mod tests {
     use super::*;
     use crate::control::Control;
+    use crate::ideas::Ideas;
     use crate::solve::{Prepared, Request};
     use isolux_core::scene::{BuildOptions, Scene};
     use isolux_formats::read::read;
@@ -383,7 +384,9 @@ mod tests {
         let path = format!("{}/../../scenes/room.glb", env!("CARGO_MANIFEST_DIR"));
         let input = read(path.as_ref(), &Default::default()).unwrap();
         let scene = Arc::new(Scene::build(input, &BuildOptions::default()).unwrap());
-        let solved = Prepared::new(scene).solve(&Request::new(0.1), &Control::default());
+        // In strips there is no ledge that is long; triangles may be.
+        let request = Request { ideas: Ideas { strips: false, ..Ideas::default() }, ..Request::new(0.1) };
+        let solved = Prepared::new(scene).solve(&request, &Control::default());
         let evaluator = solved.transport.evaluator();
         let mut missed = 0;
         for link in solved.transport.links.iter().filter(|link| (link.receiver | link.source) & CLUSTER == 0) {

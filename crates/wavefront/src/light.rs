@@ -14,6 +14,7 @@ use crate::link::{CLUSTER, Link, MIDDLE, State};
 use crate::order::{Columns, Order, View, arranged};
 use crate::sky::Known;
 use glam::Vec3;
+use isolux_core::tree::Cut;
 use isolux_simd::sphere::{clamped_cosine, evaluate};
 use rayon::prelude::*;
 use std::f32::consts::FRAC_1_PI;
@@ -89,22 +90,37 @@ pub(crate) fn leaned<const C: usize>(field: &Field<C>, count: u8, [along, across
     })
 }
 
-/// A field at the corners and middle of a quarter: what is linear along the sides, and the bulge as the quadratic function
-/// that is 1 at the middle and 0 at the corners, the same in all directions. Quadratic functions of that kind stay what
-/// they are, so that a mean is kept on the way down.
-pub(crate) fn quarter<const C: usize>(field: &Field<C>, count: u8, quadrant: usize) -> Field<C> {
-    let mut part = dark();
+/// A field at the corners and middle of a part: what is linear along the sides, and the bulge as the quadratic function
+/// that is 1 at the middle and 0 at the corners, the same in all directions. In quarters, quadratic functions of that kind stay
+/// what they are, and in strips their values at the five places and their mean do: a mean is kept on the way down.
+pub(crate) fn part<const C: usize>(field: &Field<C>, count: u8, cut: Cut, part: usize) -> Field<C> {
+    let mut own = dark();
     for c in 0..C {
-        let values = quarter_of(&std::array::from_fn(|k| field[k][c]), count, quadrant);
-        (0..5).for_each(|k| part[k][c] = values[k]);
+        let values = part_of(&std::array::from_fn(|k| field[k][c]), count, cut, part);
+        (0..5).for_each(|k| own[k][c] = values[k]);
     }
-    part
+    own
 }
 
-/// [`quarter`] of one channel.
+/// [`part`] of one channel.
 #[inline(always)]
-pub(crate) fn quarter_of(values: &[f32; 5], count: u8, quadrant: usize) -> [f32; 5] {
+pub(crate) fn part_of(values: &[f32; 5], count: u8, cut: Cut, part: usize) -> [f32; 5] {
     let [a, b, c, d, m] = *values;
+    if cut != Cut::Quarters {
+        let bulge = m - 0.25 * (a + b + c + d);
+        // From -1 to 1: both ends of the strip, and its middle.
+        let (from, to) = (0.5 * part as f32 - 1.0, 0.5 * part as f32 - 0.5);
+        let middle = 0.5 * (from + to);
+        let between = |p: f32, q: f32, at: f32| p + (q - p) * (0.5 + 0.5 * at) + 0.5 * bulge * (1.0 - at * at);
+        let [sides, strip] = match cut {
+            Cut::Along => [[a, b], [d, c]],
+            _ => [[a, d], [b, c]],
+        };
+        let [[p, q], [r, s]] = [sides, strip].map(|[p, q]| [between(p, q, from), between(p, q, to)]);
+        let m = 0.5 * (between(sides[0], sides[1], middle) + between(strip[0], strip[1], middle) + bulge);
+        return if cut == Cut::Along { [p, q, s, r, m] } else { [p, r, s, q, m] };
+    }
+    let quadrant = part;
     if count == 4 {
         let bulge = m - 0.25 * (a + b + c + d);
         let half = |p: f32, q: f32| 0.5 * (p + q + bulge);
@@ -207,16 +223,16 @@ impl Light {
         for index in self.radiosity.len()..elements.len() {
             let element = &elements[index];
             let parent = element.parent as usize;
-            let quadrant = index - elements[parent].first_child as usize;
+            let (cut, part) = (elements[parent].cut, index - elements[parent].first_child as usize);
             self.radiosity.push(self.radiosity[parent]);
             self.deviation.push(self.deviation[parent].map(|part| 0.5 * part));
             self.slope.push([[0.0; 3]; 2]);
             self.coherent.push(0.7 * self.coherent[parent]);
             self.open.push(element.open_share());
             self.irradiance.push(self.irradiance[parent]);
-            self.field.push(quarter(&self.field[parent], element.count, quadrant));
-            self.correction.push(quarter(&self.correction[parent], element.count, quadrant));
-            self.adopt_lit(parent, element.count, quadrant);
+            self.field.push(self::part(&self.field[parent], element.count, cut, part));
+            self.correction.push(self::part(&self.correction[parent], element.count, cut, part));
+            self.adopt_lit(parent, element.count, cut, part);
         }
     }
 
@@ -427,8 +443,8 @@ impl<const C: usize> Light<C> {
             let (values, own) = view.of(index);
             let field = values[own];
             let (values, first) = view.of(element.first_child as usize);
-            for quadrant in 0..4 {
-                add(&mut values[first + quadrant], &quarter(&field, element.count, quadrant));
+            for k in 0..4 {
+                add(&mut values[first + k], &part(&field, element.count, element.cut, k));
             }
         };
         let (mut view, above) = order.above(&mut fields[..]);
@@ -591,6 +607,15 @@ fn pull_parent<const C: usize>(view: &mut View<Shapes<'_, C>>, index: usize, ele
     let at = |k: usize, c: usize| if shares[k] > 0.0 { of.radiosity[first + k][c] } else { radiosity[c] };
     let slope = if !sloped {
         [[0.0; C]; 2]
+    } else if element.cut != Cut::Quarters {
+        // The line through four values side by side; along the strips, what they change themselves.
+        let (own, other) = if element.cut == Cut::Along { (0, 1) } else { (1, 0) };
+        let mut slope = [[0.0; C]; 2];
+        slope[own] = std::array::from_fn(|c| 1.2 * (at(3, c) - at(0, c)) + 0.4 * (at(2, c) - at(1, c)));
+        for (child, share) in (first..).zip(shares) {
+            add_times(&mut slope[other], share, &of.slope[child][other]);
+        }
+        slope
     } else if element.count == 4 {
         [
             std::array::from_fn(|k| at(1, k) + at(2, k) - at(0, k) - at(3, k)),
@@ -711,6 +736,60 @@ fn parted<const C: usize>(square: f32, slope: &[[f32; C]; 2], count: u8) -> [f32
 mod tests {
     use super::*;
     use crate::samples::painted;
+
+    /// Catches strips and quarters that do not have the values of the field that they are parts of: on a square, the quadratic
+    /// function that a field stands for, at the places where parts keep values, and its mean.
+    #[test]
+    fn parts_keep_values_and_mean() {
+        let values = [1.0, 3.0, 2.5, 0.5, 2.9];
+        let bulge = values[4] - 0.25 * (values[0] + values[1] + values[2] + values[3]);
+        let of = |[u, v]: [f32; 2]| {
+            let (s, t) = (0.5 + 0.5 * u, 0.5 + 0.5 * v);
+            let along = |near: f32, far: f32| near + (far - near) * s;
+            let plain = along(values[0], values[1]) * (1.0 - t) + along(values[3], values[2]) * t;
+            plain + bulge * (1.0 - 0.5 * (u * u + v * v))
+        };
+        let square = [Vec3::ZERO, Vec3::X, Vec3::X + Vec3::Y, Vec3::Y];
+        for cut in [Cut::Quarters, Cut::Along, Cut::Across] {
+            let element = Element { cut, ..Element::new(square, 4, 0, NONE, isolux_core::tree::Path::root(0)) };
+            let mut sum = 0.0;
+            for (k, piece) in element.parts(0).iter().enumerate() {
+                let own = part_of(&values, 4, cut, k);
+                let places = [piece.corners[0], piece.corners[1], piece.corners[2], piece.corners[3], piece.centre()];
+                for (value, place) in own.iter().zip(places) {
+                    let wanted = of([2.0 * place.x - 1.0, 2.0 * place.y - 1.0]);
+                    // A few roundings of values up to 3.
+                    assert!((value - wanted).abs() < 1e-5, "{cut:?} {k} {place}: {value} {wanted}");
+                }
+                sum += 0.25 * mean(&own.map(|value| [value]), 4)[0];
+            }
+            let whole = mean(&values.map(|value| [value]), 4)[0];
+            assert!((sum - whole).abs() < 1e-5, "{cut:?}: {sum} {whole}");
+        }
+    }
+
+    /// Catches slopes of elements in strips that are not those of the light on them: light that is linear along both sides.
+    #[test]
+    fn strips_have_the_slopes_of_their_light() {
+        let plank = [[0.0, 0.0, 0.0], [20.0, 0.0, 0.0], [20.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
+        let turned = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 20.0, 0.0], [0.0, 20.0, 0.0]];
+        for (shape, cut) in [(plank, Cut::Along), (turned, Cut::Across)] {
+            let geometry = Geometry::new(painted(&[&shape], 0.5, 0.0));
+            let mut elements = geometry.bare_roots();
+            elements[0].cut = elements[0].compact_cut();
+            assert_eq!(elements[0].cut, cut);
+            let clusters = Clusters::new(&elements, &[true, false]);
+            let mut light = Light::even([1.0; 3], &geometry, &clusters, &elements);
+            // 1 to 2 along the first side, 1 to 1.5 along the second.
+            light.field[0] = [1.0, 2.0, 2.5, 1.5, 1.75].map(|value| [value; 3]);
+            crate::contacts::split(&mut elements, [0], &geometry);
+            light.adopt(&elements);
+            light.pull(&geometry, &clusters, &elements, &Order::new(&elements, geometry.surfaces.len()));
+            let [along, across] = light.slope[0].map(|slope| slope[0]);
+            let rho = geometry.surfaces[0].reflectance[0];
+            assert!((along - rho).abs() < 1e-5 && (across - 0.5 * rho).abs() < 1e-5, "{along} {across}");
+        }
+    }
 
     /// Catches slopes towards what is covered: of a square one quarter of which lies under something, the other three are alike,
     /// so that it is as bright wherever it is read. Links of sources that things stand on read up to twice their light before,

@@ -122,7 +122,7 @@ impl Standing<'_> {
             .collect();
         parents.sort_unstable();
         for (_, parent) in parents {
-            elements.split(ElementId(parent));
+            elements.split_as(ElementId(parent), own[parent as usize].cut);
         }
         let count = own.len() as u32;
         let node = |number: u32| if number & CLUSTER == 0 { number } else { count + (number & !CLUSTER) };

@@ -6,12 +6,14 @@ use crate::light::{Bands, Field, Light};
 use crate::link::MIDDLE;
 use glam::{DVec3, Vec3};
 use isolux_core::solution::bilinear_coordinates;
+use isolux_core::tree::Cut;
 use rayon::prelude::*;
 
 /// Finds the leaves that hold points, for many points: all that it looks at on the way down lies close together.
 pub(crate) struct Reader {
     /// Of each element the first quarter, or [`NONE`].
     first_child: Vec<u32>,
+    cuts: Vec<Cut>,
     /// Corners by polygon: three or four.
     counts: Vec<u8>,
     maps: Vec<Map>,
@@ -42,6 +44,7 @@ impl Reader {
         };
         Reader {
             first_child,
+            cuts: elements.iter().map(|element| element.cut).collect(),
             counts: roots.iter().map(|root| root.count).collect(),
             maps: roots.par_iter().with_min_len(1024).map(map).collect(),
         }
@@ -60,7 +63,7 @@ impl Reader {
         let mut index = polygon as usize;
         let mut place = self.place(index, point);
         while self.first_child[index] != NONE {
-            index = self.first_child[index] as usize + place.descend();
+            index = self.first_child[index] as usize + place.descend(self.cuts[index]);
         }
         (index, place.shares())
     }
@@ -95,7 +98,7 @@ pub(crate) fn samples(elements: &[Element], light: &Light, node: usize) -> Field
         };
         let mut index = node;
         while elements[index].first_child != NONE {
-            index = elements[index].first_child as usize + place.descend();
+            index = elements[index].first_child as usize + place.descend(elements[index].cut);
         }
         place.value(&light.without_lamps(index))
     })
@@ -134,9 +137,15 @@ impl Place {
         Place::Triangle([first, second, (1.0 - first - second).max(0.0)])
     }
 
-    /// Goes on to the quarter that holds the point, and says which it is: quarters of a bilinear map are bilinear maps.
-    fn descend(&mut self) -> usize {
+    /// Goes on to the part that holds the point, and says which it is: parts of a bilinear map are bilinear maps.
+    fn descend(&mut self, cut: Cut) -> usize {
         match self {
+            Place::Quadrilateral(place) if cut != Cut::Quarters => {
+                let along = &mut place[usize::from(cut == Cut::Across)];
+                let strip = (4.0 * *along).floor().min(3.0);
+                *along = 4.0 * *along - strip;
+                strip as usize
+            }
             Place::Quadrilateral(place) => {
                 let upper = place.map(|along| along >= 0.5);
                 for (along, upper) in place.iter_mut().zip(upper) {
@@ -194,6 +203,21 @@ impl Place {
     }
 }
 
+/// Which part of an element holds a point: [`Cut::part_at`] in single precision.
+pub(crate) fn part_at(element: &Element, normal: Vec3, point: Vec3) -> usize {
+    if element.cut == Cut::Quarters {
+        return quadrant(element, normal, point);
+    }
+    let [a, b, c, d] = element.corners;
+    let along = element.cut == Cut::Along;
+    let (from, to) = if along { ([a, d], [b, c]) } else { ([b, a], [c, d]) };
+    let is_beyond = |k: &usize| {
+        let [near, far] = [0, 1].map(|side| from[side] + (to[side] - from[side]) * (0.25 * *k as f32));
+        normal.dot((far - near).cross(point - near)) <= 0.0
+    };
+    (1..4).take_while(is_beyond).count()
+}
+
 /// Which quarter holds a point: [`isolux_core::tree::quadrant_of`] in single precision.
 pub(crate) fn quadrant(element: &Element, normal: Vec3, point: Vec3) -> usize {
     let left = |from: Vec3, to: Vec3| normal.dot((to - from).cross(point - from)) > 0.0;
@@ -231,22 +255,26 @@ mod tests {
     use isolux_core::sampling::Stream;
 
     /// Catches leaves and places that a reader finds elsewhere than where a point was taken from: on triangles, parallelograms
-    /// and other quadrilaterals, above leaves of different sizes.
+    /// and other quadrilaterals, above leaves of different sizes, in quarters and in strips.
     #[test]
     fn a_reader_finds_the_leaf_that_holds_a_point() {
-        let shapes: [&[[f64; 3]]; 3] = [
+        let shapes: [&[[f64; 3]]; 5] = [
             &[[0.0, 0.0, 0.0], [3.0, 0.5, 0.0], [0.5, 2.0, 0.0]],
             &[[0.0, 0.0, 1.0], [3.0, 0.0, 1.0], [3.5, 1.0, 2.0], [0.5, 1.0, 2.0]],
             &[[0.0, 0.0, 4.0], [2.0, 0.0, 4.0], [2.5, 1.5, 4.0], [0.0, 1.0, 4.0]],
+            &[[0.0, 0.0, 5.0], [4.0, 0.0, 5.0], [4.0, 0.1, 5.0], [0.0, 0.1, 5.0]],
+            &[[0.0, 0.0, 6.0], [0.1, 0.0, 6.0], [0.2, 3.0, 6.0], [0.0, 3.0, 6.0]],
         ];
         let geometry = Geometry::new(painted(&shapes, 0.5, 0.0));
         let mut elements = geometry.bare_roots();
+        elements.iter_mut().for_each(|root| root.cut = root.compact_cut());
+        assert_eq!(elements.iter().filter(|root| root.cut != Cut::Quarters).count(), 2);
         let mut stream = Stream::new(7);
         for _ in 0..200 {
             let parent = (stream.next_unit() * elements.len() as f64) as usize;
             if elements[parent].first_child == NONE {
                 elements[parent].first_child = elements.len() as u32;
-                let quarters = elements[parent].quarters(parent as u32);
+                let quarters = elements[parent].parts(parent as u32);
                 elements.extend(quarters);
             }
         }
@@ -259,6 +287,12 @@ mod tests {
                 let place = place + (element.centre() - place) * 1e-3;
                 let (found, shares) = reader.shares_at(element.polygon, place);
                 assert_eq!(found, leaf, "{place}");
+                let mut node = element.polygon as usize;
+                while elements[node].first_child != NONE {
+                    let normal = geometry.surfaces[element.polygon as usize].normal;
+                    node = elements[node].first_child as usize + part_at(&elements[node], normal, place);
+                }
+                assert_eq!(node, leaf, "{place}");
                 let corners = element.corners.map(|corner| corner.as_dvec3());
                 let normal = geometry.surfaces[element.polygon as usize].normal.as_dvec3();
                 let own = Place::new(&corners[..element.count as usize], normal, place.as_dvec3()).shares();

@@ -18,7 +18,7 @@ use crate::sky::Known;
 use crate::solve::{Before, Solved, settle};
 use glam::{DVec3, Vec3};
 use isolux_core::scene::Scene;
-use isolux_core::tree::Elements;
+use isolux_core::tree::{ElementId, Elements};
 use std::sync::Arc;
 
 /// What a solve left behind; all of it must fit together, see [`crate::Outcome`].
@@ -124,6 +124,9 @@ fn quartered(roots: Vec<Element>, wanted: &Elements, geometry: &Geometry) -> Vec
     while !rest.is_empty() {
         // As many as are there.
         let there = rest.iter().take_while(|(_, parent)| (*parent as usize) < elements.len()).count().max(1);
+        for &(_, parent) in &rest[..there] {
+            elements[parent as usize].cut = wanted.cut(ElementId(parent));
+        }
         split(&mut elements, rest[..there].iter().map(|&(_, parent)| parent), geometry);
         rest = &rest[there..];
     }

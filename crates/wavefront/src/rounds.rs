@@ -7,12 +7,13 @@ use crate::control::{Bound, Budget};
 use crate::evaluate::{A_RECEIVES, B_RECEIVES, Evaluator};
 use crate::geometry::{Element, Geometry, NONE};
 use crate::ideas::Ideas;
-use crate::light::{Field, Light, corners_of, quarter, rms};
+use crate::light::{Field, Light, corners_of, part, rms};
 use crate::link::{CLUSTER, Link, MIDDLE, State};
 use crate::oracle::{BULGE, ROUGH, Verdict, errors, is_splittable, verdict};
 use crate::order::{Order, arranged, places, renumber};
 use crate::read::samples;
 use crate::rows::Closed;
+use isolux_core::tree::Cut;
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -281,16 +282,17 @@ impl Transport {
             let first = roots.len() + 4 * block;
             let parent = quarters[0].parent as usize;
             let fit = corners_of(&samples(&self.elements, light, parent), quarters[0].count);
-            std::array::from_fn(|quadrant| left(first + quadrant, self.apart(first + quadrant, &fit, quadrant, light)))
+            let cut = self.elements[parent].cut;
+            std::array::from_fn(|k| left(first + k, self.apart(first + k, &fit, cut, k, light)))
         });
         all.extend(of_quarters.collect::<Vec<[f32; 4]>>().into_iter().flatten());
         all
     }
 
     /// Root mean square of what a leaf's field differs by from a quadratic function over its parent.
-    fn apart(&self, leaf: usize, fit: &Field, quadrant: usize, light: &Light) -> f32 {
+    fn apart(&self, leaf: usize, fit: &Field, cut: Cut, index: usize, light: &Light) -> f32 {
         let count = self.elements[leaf].count;
-        let fit = quarter(fit, count, quadrant);
+        let fit = part(fit, count, cut, index);
         let field = light.without_lamps(leaf);
         let apart: Field = std::array::from_fn(|k| std::array::from_fn(|b| field[k][b] - fit[k][b]));
         let samples = (0..5).filter(|&k| k != 3 || count == 4);

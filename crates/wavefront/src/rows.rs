@@ -9,12 +9,13 @@ use crate::evaluate::Evaluator;
 use crate::field::{to_corners, to_samples};
 use crate::geometry::{Element, End, Geometry, NONE};
 use crate::ideas::Ideas;
-use crate::light::{Directional, Field, Light, add_times, bands, corners_of, quarter_of, rms};
+use crate::light::{Directional, Field, Light, add_times, bands, corners_of, part_of, rms};
 use crate::link::{CLUSTER, Link, State};
 use crate::order::Order;
 use crate::rays::even_point_of;
 use crate::spread::{by_groups, intensities};
 use isolux_core::sampling::{Stream, mix};
+use isolux_core::tree::Cut;
 use rayon::prelude::*;
 
 /// Rays that look out from a leaf.
@@ -186,8 +187,8 @@ impl<const C: usize> Row<C> {
         }
     }
 
-    pub(crate) fn quarter(&self, count: u8, quadrant: usize) -> Row<C> {
-        Row { sum: quarter_of(&self.sum, count, quadrant), ..*self }
+    pub(crate) fn part(&self, count: u8, cut: Cut, part: usize) -> Row<C> {
+        Row { sum: part_of(&self.sum, count, cut, part), ..*self }
     }
 
     /// What is missing of a leaf's field whose row, with what was found at its own points, should add up to 1; in corners.

@@ -12,13 +12,14 @@
 
 use crate::geometry::{Element, Geometry, NONE};
 use crate::lamps::{LARGE, Places, basis, net_of, spread_out, takes_light};
-use crate::light::{Bands, Field, Light, add, quarter, rms};
+use crate::light::{Bands, Field, Light, add, part, rms};
 use crate::rays::{Jitter, Packet, RAYS, own_point};
 use crate::receiver::{Directions, Receiver};
 use crate::rounds::{Limit, Transport};
 use glam::{DVec3, Vec3};
 use isolux_core::sampling::mix;
 use isolux_core::scene::Scene;
+use isolux_core::tree::Cut;
 use rayon::prelude::*;
 use std::array::from_fn;
 use std::cmp::Ordering;
@@ -787,9 +788,9 @@ impl Transport {
 
 impl Light {
     /// What a quarter has of the sky's light until it is asked itself.
-    pub(crate) fn adopt_sky(&mut self, parent: usize, count: u8, quadrant: usize) {
+    pub(crate) fn adopt_sky(&mut self, parent: usize, count: u8, cut: Cut, part: usize) {
         if !self.sky.is_empty() {
-            self.sky.push(quarter(&self.sky[parent], count, quadrant));
+            self.sky.push(self::part(&self.sky[parent], count, cut, part));
             self.sky_known.push(UNKNOWN);
         }
     }

@@ -218,6 +218,9 @@ impl Prepared {
         let scene = &*geometry.scene;
         let mut elements = geometry.bare_roots();
         mark(&mut elements, geometry, request.ideas.contact_lines);
+        if request.ideas.strips {
+            elements.iter_mut().for_each(|root| root.cut = root.compact_cut());
+        }
         let area = scene.area();
         let deadline = request.time.map(|seconds| start + Duration::from_secs_f64(seconds));
         let mut budget = Budget {
@@ -643,7 +646,7 @@ mod tests {
         let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/room.glb");
         let input = read(path.as_ref(), &Default::default()).unwrap();
         let scene = Arc::new(Scene::build(input, &BuildOptions::default()).unwrap());
-        let request = Request { max_elements: Some(30_000), ..Request::new(0.02) };
+        let request = Request { max_elements: Some(60_000), ..Request::new(0.01) };
         let solved = Prepared::new(scene).solve(&request, &Control::default());
         let mut before = 0;
         let mut looks = 0;

@@ -8,7 +8,7 @@ use crate::kernels::visibility::is_open;
 use crate::links::Evaluator;
 use crate::sampling::{Stream, mix};
 use crate::scene::{Corners, Scene};
-use crate::tree::{Bsp, ElementId, Elements, quadrant_of, quarter};
+use crate::tree::{Bsp, Cut, ElementId, Elements};
 use crate::units::Rgb;
 use glam::DVec3;
 use rustc_hash::FxHashMap;
@@ -41,6 +41,8 @@ struct Cell {
     element: ElementId,
     polygon: u32,
     first_child: u32,
+    /// How its children cut it.
+    cut: Cut,
     /// Vertices at the corners (of leaves), in the mesh.
     vertices: [u32; 4],
     /// Triangles of a leaf.
@@ -80,7 +82,7 @@ impl SmoothSurfaces {
         let Some(mut at) = roots.max_by(|&a, &b| depth(a).total_cmp(&depth(b))) else { return Rgb::ZERO };
         while self.cells[at as usize].first_child != NO_CELL {
             let cell = &self.cells[at as usize];
-            at = cell.first_child + quadrant_of(&cell.corners, normal, point);
+            at = cell.first_child + cell.cut.part_at(&cell.corners, normal, point);
         }
         let cell = &self.cells[at as usize];
         let value = |vertex: u32| self.mesh.irradiance[vertex as usize];
@@ -772,6 +774,7 @@ impl<'a> Builder<'a> {
                 element: ElementId(index as u32),
                 polygon: element.polygon,
                 first_child: element.first_child.some().map_or(NO_CELL, |child| child.0),
+                cut: elements.cut(ElementId(index as u32)),
                 vertices: [0; 4],
                 triangles: 0..0,
                 hanging: false,
@@ -823,7 +826,7 @@ impl<'a> Builder<'a> {
         let first = self.cells.len() as u32;
         let parent = self.cells[at as usize].clone();
         self.cells[at as usize].first_child = first;
-        for corners in quarter(&parent.corners) {
+        for corners in parent.cut.parts(&parent.corners) {
             for &corner in corners.iter() {
                 let next = self.points.len() as u32;
                 self.points.entry(key(corner)).or_insert(next);

@@ -1,6 +1,6 @@
-//! Quadtrees of elements: a root is a polygon (or a BSP fragment of one), a child a quarter of its parent.
+//! Quadtrees of elements: a root is a polygon (or a BSP fragment of one), a child one of four parts of its parent.
 
-use super::Path;
+use super::{Cut, Path};
 use crate::kernels::Patch;
 use crate::scene::{Corners, Plane};
 use glam::DVec3;
@@ -143,24 +143,44 @@ impl Elements {
 
     /// Quarters a leaf and returns its first child; an element that has children already keeps them.
     pub fn split(&mut self, id: ElementId) -> ElementId {
+        self.split_as(id, Cut::Quarters)
+    }
+
+    /// Cuts a leaf and returns its first child; an element that has children already keeps them.
+    pub fn split_as(&mut self, id: ElementId, cut: Cut) -> ElementId {
         let node = self.get(id);
         if node.first_child != ElementId::NONE {
             return node.first_child;
         }
         let (corners, polygon, path) = (node.corners, node.polygon, node.path);
         let first = ElementId(self.nodes.len() as u32);
-        for (quadrant, corners) in quarter(&corners).into_iter().enumerate() {
+        for (part, corners) in cut.parts(&corners).into_iter().enumerate() {
             self.nodes.push(Element {
                 area: corners.area(),
                 corners,
                 polygon,
                 parent: id,
                 first_child: ElementId::NONE,
-                path: path.child(quadrant as u32),
+                path: path.child(part as u32),
             });
         }
         self.nodes[id.index()].first_child = first;
         first
+    }
+
+    /// How an element that is not a leaf is cut: a first strip has a corner more of it than a first quarter has.
+    #[must_use]
+    pub fn cut(&self, id: ElementId) -> Cut {
+        let node = self.get(id);
+        let (Some(first), 4) = (node.first_child.some(), node.corners.len()) else { return Cut::Quarters };
+        let first = &self.get(first).corners;
+        if first[3] == node.corners[3] {
+            Cut::Along
+        } else if first[1] == node.corners[1] {
+            Cut::Across
+        } else {
+            Cut::Quarters
+        }
     }
 
     /// The leaf below `root` that holds a point of its plane (the nearest one, where rounding puts it outside).
@@ -169,7 +189,7 @@ impl Elements {
         let mut id = root;
         while let Some(first) = self.get(id).first_child.some() {
             let normal = self.planes[self.get(id).polygon as usize].normal;
-            id = ElementId(first.0 + quadrant_of(&self.get(id).corners, normal, point));
+            id = ElementId(first.0 + self.cut(id).part_at(&self.get(id).corners, normal, point));
         }
         id
     }
@@ -236,67 +256,4 @@ pub struct TreeViolation {
     pub element: ElementId,
     /// Which invariant.
     pub what: &'static str,
-}
-
-/// The quarters of a patch: quadrant k < n touches corner k; the fourth of a triangle is its middle. Edge midpoints
-/// are exact means of their ends, so that neighbours agree on them bit for bit.
-#[must_use]
-pub fn quarter(corners: &Corners) -> [Corners; 4] {
-    let middle = |a: DVec3, b: DVec3| (a + b) * 0.5;
-    match **corners {
-        [a, b, c] => {
-            let (ab, bc, ca) = (middle(a, b), middle(b, c), middle(c, a));
-            [
-                Corners::triangle(a, ab, ca),
-                Corners::triangle(ab, b, bc),
-                Corners::triangle(ca, bc, c),
-                Corners::triangle(bc, ca, ab),
-            ]
-        }
-        [a, b, c, d] => {
-            let (ab, bc, cd, da) = (middle(a, b), middle(b, c), middle(c, d), middle(d, a));
-            let centre = middle(middle(a, c), middle(b, d));
-            [
-                Corners::quad(a, ab, centre, da),
-                Corners::quad(ab, b, bc, centre),
-                Corners::quad(centre, bc, c, cd),
-                Corners::quad(da, centre, cd, d),
-            ]
-        }
-        _ => unreachable!("corners are three or four"),
-    }
-}
-
-/// Which quarter of `corners` holds `point`, numbered as by [`quarter`].
-#[must_use]
-pub fn quadrant_of(corners: &Corners, normal: DVec3, point: DVec3) -> u32 {
-    // Positive on the left of the line from `from` to `to`, seen from the front.
-    let left = |from: DVec3, to: DVec3| normal.dot((to - from).cross(point - from)) > 0.0;
-    let middle = |a: DVec3, b: DVec3| (a + b) * 0.5;
-    match **corners {
-        [a, b, c] => {
-            let (ab, bc, ca) = (middle(a, b), middle(b, c), middle(c, a));
-            // Each corner lies on the left of the cut that runs clockwise around the middle triangle.
-            if left(ab, ca) {
-                0
-            } else if left(bc, ab) {
-                1
-            } else if left(ca, bc) {
-                2
-            } else {
-                3
-            }
-        }
-        [a, b, c, d] => {
-            let (ab, bc, cd, da) = (middle(a, b), middle(b, c), middle(c, d), middle(d, a));
-            // Line ab -> cd: a and d on its left. Line da -> bc: d and c on its left.
-            match (left(ab, cd), left(da, bc)) {
-                (true, false) => 0,
-                (false, false) => 1,
-                (false, true) => 2,
-                (true, true) => 3,
-            }
-        }
-        _ => unreachable!("corners are three or four"),
-    }
 }

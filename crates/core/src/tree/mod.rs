@@ -2,11 +2,13 @@
 //! need.
 
 pub mod bsp;
+mod cut;
 mod elements;
 mod path;
 mod roots;
 
 pub use bsp::{Bsp, BspViolation, InsertionOrder};
-pub use elements::{Element, ElementId, Elements, TreeViolation, quadrant_of, quarter};
+pub use cut::{Cut, quadrant_of, quarter};
+pub use elements::{Element, ElementId, Elements, TreeViolation};
 pub use path::Path;
 pub use roots::{FragmentRoot, fragment_roots};
