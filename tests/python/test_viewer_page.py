@@ -149,6 +149,30 @@ def test_values_are_those_of_the_solution(visit, files, solutions, name):
     assert last["object"] in page.page.inner_text("#point-where")
 
 
+def test_strips_are_where_the_solution_has_them(room, solutions):
+    """Catches strips of long elements that the page has elsewhere, and points that it finds in another."""
+    elements = solutions["room"].elements
+    corners, parent, first = elements["corners"], elements["parent"], elements["first_child"]
+    inner = np.flatnonzero((first != 2**32 - 1) & np.isfinite(corners[:, 3, 0]))
+    # A first strip has the last or the second corner of what it is a strip of.
+    strips = [any((corners[first[e], k] == corners[e, k]).all() for k in (1, 3)) for e in inner]
+    long = inner[strips]
+    assert len(long) > 20
+    children = [int(first[e]) + k for e in long for k in range(4)]
+    found = np.array(room.ask("a.map((id) => v.solved.trees.corners(id))", children))
+    np.testing.assert_allclose(found, corners[children], atol=1e-12)
+    leaves = [c for c in children if first[c] == 2**32 - 1]
+    normals = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+    root = np.arange(len(parent))
+    while (parent[root] != 2**32 - 1).any():
+        root = np.where(parent[root] == 2**32 - 1, root, parent[root])
+    asked = [[int(root[c]), normals[c].tolist(), corners[c].mean(axis=0).tolist()] for c in leaves]
+    assert (
+        room.ask("a.map(([root, normal, point]) => v.solved.trees.locate(root, normal, point).leaf)", asked)
+        == leaves
+    )
+
+
 @pytest.mark.parametrize("name", SCENES)
 def test_pictures_are_those_of_render(visit, files, solutions, name, tmp_path):
     """Catches geometry, exposure, tone map or colour that `isolux render` does not have."""
