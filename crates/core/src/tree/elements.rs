@@ -1,6 +1,6 @@
 //! Quadtrees of elements: a root is a polygon (or a BSP fragment of one), a child one of four parts of its parent.
 
-use super::{Cut, Path};
+use super::{Cut, Path, quadrant_of};
 use crate::kernels::Patch;
 use crate::scene::{Corners, Plane};
 use glam::DVec3;
@@ -50,6 +50,8 @@ pub struct Elements {
     nodes: Vec<Element>,
     planes: Vec<Plane>,
     roots: u32,
+    /// Is any element cut into strips?
+    strips: bool,
 }
 
 impl Elements {
@@ -69,7 +71,7 @@ impl Elements {
             })
             .collect();
         let roots = nodes.len() as u32;
-        Elements { nodes, planes, roots }
+        Elements { nodes, planes, roots, strips: false }
     }
 
     /// Quadtrees from stored nodes: `nodes` as [`Elements::as_slice`] gave them, `planes` one per polygon. The caller
@@ -77,7 +79,9 @@ impl Elements {
     #[must_use]
     pub fn from_nodes(nodes: Vec<Element>, planes: Vec<Plane>) -> Elements {
         let roots = nodes.iter().take_while(|node| node.parent == ElementId::NONE).count() as u32;
-        Elements { nodes, planes, roots }
+        let mut elements = Elements { nodes, planes, roots, strips: true };
+        elements.strips = (0..elements.nodes.len() as u32).any(|id| elements.cut(ElementId(id)) != Cut::Quarters);
+        elements
     }
 
     /// Number of elements.
@@ -153,6 +157,7 @@ impl Elements {
             return node.first_child;
         }
         let (corners, polygon, path) = (node.corners, node.polygon, node.path);
+        self.strips |= cut != Cut::Quarters;
         let first = ElementId(self.nodes.len() as u32);
         for (part, corners) in cut.parts(&corners).into_iter().enumerate() {
             self.nodes.push(Element {
@@ -171,9 +176,17 @@ impl Elements {
     /// How an element that is not a leaf is cut: a first strip has a corner more of it than a first quarter has.
     #[must_use]
     pub fn cut(&self, id: ElementId) -> Cut {
+        if !self.strips {
+            return Cut::Quarters;
+        }
         let node = self.get(id);
-        let (Some(first), 4) = (node.first_child.some(), node.corners.len()) else { return Cut::Quarters };
-        let first = &self.get(first).corners;
+        // Of what was stored anything may be, until it is checked.
+        let first = node.first_child.some().and_then(|first| self.nodes.get(first.index()));
+        let (Some(first), 4) = (first, node.corners.len()) else { return Cut::Quarters };
+        if first.corners.len() != 4 {
+            return Cut::Quarters;
+        }
+        let first = &first.corners;
         if first[3] == node.corners[3] {
             Cut::Along
         } else if first[1] == node.corners[1] {
@@ -189,7 +202,13 @@ impl Elements {
         let mut id = root;
         while let Some(first) = self.get(id).first_child.some() {
             let normal = self.planes[self.get(id).polygon as usize].normal;
-            id = ElementId(first.0 + self.cut(id).part_at(&self.get(id).corners, normal, point));
+            let corners = &self.get(id).corners;
+            // Most trees have no strips, and this is where many points are found.
+            let part = match self.strips {
+                false => quadrant_of(corners, normal, point),
+                true => self.cut(id).part_at(corners, normal, point),
+            };
+            id = ElementId(first.0 + part);
         }
         id
     }
