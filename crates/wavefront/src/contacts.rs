@@ -476,7 +476,7 @@ fn seen_along(point: Vec3, direction: Vec3, hit: Option<Hit>, geometry: &Geometr
     Seen::Nothing
 }
 
-/// Quarters elements, those that are not yet; which of the quarters' parts are covered is found side by side.
+/// Cuts elements, those that are not yet; which places of the parts are covered is found side by side.
 pub(crate) fn split(elements: &mut Vec<Element>, nodes: impl IntoIterator<Item = u32>, geometry: &Geometry) {
     let mut parents = Vec::new();
     for node in nodes {
@@ -485,27 +485,27 @@ pub(crate) fn split(elements: &mut Vec<Element>, nodes: impl IntoIterator<Item =
             parents.push(node);
         }
     }
-    let quarters: Vec<[Element; 4]> =
-        parents.par_iter().map(|&node| quarters_of(&elements[node as usize], node, geometry)).collect();
-    elements.extend(quarters.into_iter().flatten());
+    let parts: Vec<[Element; 4]> =
+        parents.par_iter().map(|&node| parts_of(&elements[node as usize], node, geometry)).collect();
+    elements.extend(parts.into_iter().flatten());
 }
 
-fn quarters_of(element: &Element, own: u32, geometry: &Geometry) -> [Element; 4] {
+fn parts_of(element: &Element, own: u32, geometry: &Geometry) -> [Element; 4] {
     let normal = geometry.surfaces[element.polygon as usize].normal;
-    let mut quarters = element.parts(own);
-    for (quadrant, quarter) in quarters.iter_mut().enumerate() {
-        quarter.open = element.open;
+    let mut parts = element.parts(own);
+    for (index, part) in parts.iter_mut().enumerate() {
+        part.open = element.open;
         if element.crossed {
-            let mut lines = geometry.contacts.near(quarter, geometry.tolerance);
-            quarter.crossed = lines.any(|line| crosses(quarter, line, normal, geometry.tolerance));
+            let mut lines = geometry.contacts.near(part, geometry.tolerance);
+            part.crossed = lines.any(|line| crosses(part, line, normal, geometry.tolerance));
             // Quarters of a quarter are among the sixteen parts of the element; strips lie across them.
-            let among = (0..4).filter(|k| element.lined >> (4 * quadrant + k) & 1 == 1);
+            let among = (0..4).filter(|k| element.lined >> (4 * index + k) & 1 == 1);
             let among = among.fold(0, |parts, k| parts | 0b1111 << (4 * k));
-            quarter.lined = lined_parts(quarter, if element.cut == Cut::Quarters { among } else { u16::MAX }, geometry);
-            (quarter.open, quarter.divided) = open_parts(quarter, geometry);
+            part.lined = lined_parts(part, if element.cut == Cut::Quarters { among } else { u16::MAX }, geometry);
+            (part.open, part.divided) = open_parts(part, geometry);
         }
     }
-    quarters
+    parts
 }
 
 #[cfg(test)]

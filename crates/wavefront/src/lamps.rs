@@ -440,7 +440,7 @@ impl Light {
         self.lit_error = vec![f32::NAN; self.field.len()];
     }
 
-    /// What a quarter has of lamps' light until it is asked itself.
+    /// What a part has of lamps' light until it is asked itself.
     pub(crate) fn adopt_lit(&mut self, parent: usize, count: u8, cut: Cut, part: usize) {
         if !self.lit.is_empty() {
             self.lit.push(self::part(&self.lit[parent], count, cut, part));

@@ -139,7 +139,7 @@ impl<const C: usize> Near<'_, C> {
         self.leaf.centre().distance_squared(source.centre()) < reach * reach
     }
 
-    /// Adds the quarters of a source that has none, with what its field says of them.
+    /// Adds the parts that a source without any would have, with what its field says of them.
     fn add_parts(&self, thrown: &mut Thrown<C>, source: &Element, radiosity: &Field<C>, depth: u32) {
         for (index, part) in source.parts(0).iter().enumerate() {
             let own = self::part(radiosity, source.count, source.cut, index);

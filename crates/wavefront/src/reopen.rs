@@ -49,6 +49,7 @@ impl Solved {
         let clusters = clusters_of(remains.clusters, &roots, geometry.middle);
         geometry.contacts = Contacts::new(&geometry, &clusters, &roots);
         mark(&mut roots, &geometry, true);
+        roots.iter_mut().for_each(|root| root.cut = root.compact_cut());
         let marked = quartered(roots, remains.elements, &geometry);
         let plain = |(element, share): (&Element, &f64)| {
             // What counts of a leaf is how many of its sixteen parts are open.
@@ -113,7 +114,7 @@ impl Solved {
     }
 }
 
-/// The quadtrees of a solve over these roots: quarters are appended in the order of their numbers.
+/// The quadtrees of a solve over these roots: parts are appended in the order of their numbers.
 fn quartered(roots: Vec<Element>, wanted: &Elements, geometry: &Geometry) -> Vec<Element> {
     let parents = wanted.as_slice().iter().enumerate();
     let mut parents: Vec<(u32, u32)> = parents

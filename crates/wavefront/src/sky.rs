@@ -787,7 +787,7 @@ impl Transport {
 }
 
 impl Light {
-    /// What a quarter has of the sky's light until it is asked itself.
+    /// What a part has of the sky's light until it is asked itself.
     pub(crate) fn adopt_sky(&mut self, parent: usize, count: u8, cut: Cut, part: usize) {
         if !self.sky.is_empty() {
             self.sky.push(self::part(&self.sky[parent], count, cut, part));

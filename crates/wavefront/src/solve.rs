@@ -657,10 +657,11 @@ mod tests {
             let is_far = stage.by_links > SLACK * request.error;
             if let Some(found) = stage.check.filter(|_| is_far) {
                 looks += 1;
-                // Bright places have more rays: measured 2.6 times what may be.
-                assert!(found.points == POINTS.0 && found.rays * LOOK < 3 * rays, "{} of {rays}", found.rays);
+                // Measured 0.77 of what may be; bright places have more rays than are foreseen.
+                assert!(found.points == POINTS.0 && found.rays * LOOK < rays, "{} of {rays}", found.rays);
             } else {
-                assert!(!is_far || rays < 10_000_000, "{rays}");
+                // Measured 780,000 at most.
+                assert!(!is_far || rays < 2_000_000, "{rays}");
             }
         }
         assert!(looks > 0);

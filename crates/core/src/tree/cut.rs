@@ -3,8 +3,7 @@
 use crate::scene::Corners;
 use glam::DVec3;
 
-/// A way to cut an element into four parts. Those of strips stand one after the other along two opposite sides, each as long
-/// as the element is wide where that is a quarter of its length.
+/// A way to cut an element into four parts: quarters, or strips that stand one after the other along two opposite sides.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Cut {
     /// Part k < n touches corner k; the fourth of a triangle is its middle.
@@ -82,7 +81,6 @@ fn quartered(from: DVec3, to: DVec3) -> [DVec3; 5] {
 /// are exact means of their ends, so that neighbours agree on them bit for bit.
 #[must_use]
 pub fn quarter(corners: &Corners) -> [Corners; 4] {
-    let middle = |a: DVec3, b: DVec3| (a + b) * 0.5;
     match **corners {
         [a, b, c] => {
             let (ab, bc, ca) = (middle(a, b), middle(b, c), middle(c, a));
@@ -112,7 +110,6 @@ pub fn quarter(corners: &Corners) -> [Corners; 4] {
 pub fn quadrant_of(corners: &Corners, normal: DVec3, point: DVec3) -> u32 {
     // Positive on the left of the line from `from` to `to`, seen from the front.
     let left = |from: DVec3, to: DVec3| normal.dot((to - from).cross(point - from)) > 0.0;
-    let middle = |a: DVec3, b: DVec3| (a + b) * 0.5;
     match **corners {
         [a, b, c] => {
             let (ab, bc, ca) = (middle(a, b), middle(b, c), middle(c, a));

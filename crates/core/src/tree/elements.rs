@@ -204,9 +204,10 @@ impl Elements {
             let normal = self.planes[self.get(id).polygon as usize].normal;
             let corners = &self.get(id).corners;
             // Most trees have no strips, and this is where many points are found.
-            let part = match self.strips {
-                false => quadrant_of(corners, normal, point),
-                true => self.cut(id).part_at(corners, normal, point),
+            let part = if self.strips {
+                self.cut(id).part_at(corners, normal, point)
+            } else {
+                quadrant_of(corners, normal, point)
             };
             id = ElementId(first.0 + part);
         }
